@@ -1,0 +1,1 @@
+"""Resilient dispatch of microgrids in storms: one model, proven bounds, every dispatcher judged alike."""

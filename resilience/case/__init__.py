@@ -1,0 +1,34 @@
+"""Case files: reading, checking and writing them.
+
+A case file is TOML: a network, devices, a horizon and profiles. `load_case` turns it into an
+immutable `Case`, or reports every mistake in it at once.
+"""
+
+from resilience.case.data import Case, Outage
+from resilience.case.document import case_names
+from resilience.case.load import load_case
+from resilience.case.network import Network
+from resilience.case.outages import parse_outages
+from resilience.case.schema import (
+    ESSTable,
+    GeneratorTable,
+    GridTable,
+    LoadTable,
+    PVTable,
+    case_schema,
+)
+
+__all__ = [
+    "Case",
+    "ESSTable",
+    "GeneratorTable",
+    "GridTable",
+    "LoadTable",
+    "Network",
+    "Outage",
+    "PVTable",
+    "case_names",
+    "case_schema",
+    "load_case",
+    "parse_outages",
+]

@@ -1,0 +1,91 @@
+"""Changing a case: another horizon, other outages, other values. The result is checked anew."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from resilience.case.data import Case, Outage
+from resilience.case.document import Document
+from resilience.case.outages import outage_texts, parse_outages
+from resilience.case.schema import DEVICES, Table
+from resilience.case.window import Window
+from resilience.errors import UsageError
+
+_HORIZON = ("start", "slots", "step_min")
+_HEAD = ("name", "description", "terminal_value_per_mwh")
+
+
+def replace_case(case: Case, changes: dict[str, Any]) -> Case:
+    """Return a changed copy of a case; see `Case.replace`."""
+    from resilience.case.load import build_case
+
+    known = {*_HORIZON, *_HEAD, *DEVICES, "profiles", "outages"}
+    for key in changes.keys() - known:
+        hint = "it can replace " + ", ".join(sorted(known))
+        raise UsageError(f"{key} of a case cannot be replaced", hint)
+    data = copy.deepcopy(case.source)
+    data.pop("outages", None)
+    data |= {key: changes[key] for key in _HEAD if key in changes}
+    for kind in DEVICES.keys() & changes.keys():
+        data[kind] = [plain(table) for table in changes[kind]]
+        data.get("defaults", {}).pop(kind, None)
+    if "profiles" in changes:
+        columns = {name: [float(v) for v in values] for name, values in changes["profiles"].items()}
+        data["profiles"] = {"columns": columns}
+    elif any(key in changes for key in _HORIZON):
+        _shift_columns(case, data, changes)
+    data["time"] = {key: changes.get(key, getattr(case, key)) for key in _HORIZON}
+    moved = build_case(Document(case.path, data))
+    outages = _outages(case, moved, changes.get("outages"))
+    data["outages"] = outage_texts(outages, moved.window)
+    return dataclasses.replace(moved, outages=outages)
+
+
+def plain(table: Table) -> dict[str, Any]:
+    """Return a table as plain data with every value spelled out, except those that are absent."""
+    return table.model_dump(by_alias=True, exclude_none=True)
+
+
+def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) -> None:
+    """Let inline profiles, which start with the horizon, start with the new one."""
+    columns = data.get("profiles", {}).get("columns", {})
+    if not columns:
+        return
+    start: datetime = changes.get("start", case.start)
+    offset = (start - case.start) / timedelta(minutes=case.step_min)
+    step_min = changes.get("step_min", case.step_min)
+    if step_min != case.step_min or offset < 0 or offset != int(offset):
+        raise UsageError(
+            f"inline profiles start at {case.start} with a step of {case.step_min:g} min, "
+            f"the new horizon at {start} with {step_min:g} min",
+            "put the profiles into a file, or replace them too",
+        )
+    data["profiles"]["columns"] = {k: list(v)[int(offset) :] for k, v in columns.items()}
+
+
+def _outages(old: Case, new: Case, given: Any) -> tuple[Outage, ...]:
+    if given is None:
+        return _moved(old.outages, old.window, new.window)
+    if isinstance(given, str | Path):
+        return parse_outages(given, new)
+    outages = tuple(given)
+    for outage in outages:
+        new.network.line(outage.line)
+        if not 0 <= outage.first < outage.stop <= new.slots:
+            found = f"outage of {outage.line} in slots {outage.first} to {outage.stop}"
+            raise UsageError(found, f"0 <= first < stop <= {new.slots}")
+    return outages
+
+
+def _moved(outages: Iterable[Outage], old: Window, new: Window) -> tuple[Outage, ...]:
+    placed = []
+    for outage in outages:
+        first, stop = new.span(old.time(outage.first), old.time(outage.stop))
+        if first < stop:
+            placed.append(Outage(outage.line, first, stop))
+    return tuple(placed)

@@ -1,0 +1,167 @@
+"""Rules that join the tables of a case."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+
+import numpy as np
+
+from resilience.case.network import Network
+from resilience.case.parts import Parts
+from resilience.case.rules import broken_rules
+from resilience.case.tables import show
+
+_MAX_CURRENT_KA = 10.0
+_POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
+_MAX_DROP_PU = 20.0
+
+
+def check_parts(parts: Parts) -> None:
+    """Check everything that joins two keys or two tables; mistakes go to the document."""
+    for kind, device, title in parts.all_devices():
+        for key, *rest in broken_rules(kind, device):
+            parts.document.add((kind, str(device.name), key), title, key, *rest)
+    _check_names(parts)
+    _check_forming(parts)
+    if parts.network is not None:
+        _check_lines(parts, parts.network)
+        _check_buses(parts, parts.network)
+        _check_voltages(parts, parts.network)
+        if parts.complete:
+            _check_connected(parts, parts.network)
+            _check_impedances(parts, parts.network)
+
+
+def _check_names(parts: Parts) -> None:
+    users = defaultdict(list)
+    for kind, device, title in parts.all_devices():
+        if device.name:
+            users[device.name].append((kind, title))
+    for name, places in users.items():
+        if len(places) > 1:
+            kind, title = places[-1]
+            found = f"{show(name)}, used by " + " and ".join(t for _, t in places)
+            hint = "rename all but one; results are keyed by name"
+            parts.document.add((kind, name), title, "name", found, "names used once", hint)
+    seen = set()
+    for line, title in parts.lines:
+        if line.name in seen:
+            hint = "put all keys of a line into one [[line]] table"
+            parts.document.add(("line", line.name), title, "name", "a second table", "one", hint)
+        seen.add(line.name)
+
+
+def _check_forming(parts: Parts) -> None:
+    units = [d for kind in ("grid", "ess", "generator") for d, _ in parts.devices.get(kind, [])]
+    if not any(d.grid_forming is not False for d in units):
+        found = (
+            "none of " + (f"the {len(units)} units" if units else "no units") + " is grid-forming"
+        )
+        hint = "add a [[grid]], [[ess]] or [[generator]] with grid_forming = true"
+        parts.document.add((), "", "grid_forming", found, "at least one unit", hint)
+
+
+def _check_lines(parts: Parts, network: Network) -> None:
+    for line, title in parts.lines:
+        if line.name and not network.has_line(line.name):
+            hint = network.line_hint(line.name)
+            where = ("line", line.name)
+            parts.document.add(where, title, "name", show(line.name), "a line of the network", hint)
+
+
+def _check_buses(parts: Parts, network: Network) -> None:
+    for kind, device, title in parts.all_devices():
+        if not device.bus:
+            continue
+        where: tuple[str, ...] = (kind, str(device.name), "bus")
+        if not network.has_bus(device.bus):
+            hint = network.bus_hint(device.bus)
+            parts.document.add(where, title, "bus", show(device.bus), "a bus of the network", hint)
+            continue
+        vn_kv = float(network.vn_kv[network.bus(device.bus)])
+        for key in _POWERS:
+            power = getattr(device, key, None)
+            current_ka = abs(power or 0.0) / (math.sqrt(3.0) * vn_kv)
+            if power is not None and current_ka > _MAX_CURRENT_KA:
+                limit = _MAX_CURRENT_KA * math.sqrt(3.0) * vn_kv
+                found = f"{power:g}, which is {current_ka:,.0f} kA at {vn_kv:g} kV"
+                allowed = f"{limit:.3g} MW at {vn_kv:g} kV ({_MAX_CURRENT_KA:g} kA)"
+                hint = "probably kW given as MW; divide by 1000"
+                parts.document.add((*where[:2], key), title, key, found, allowed, hint)
+
+
+def _check_voltages(parts: Parts, network: Network) -> None:
+    wrong = np.flatnonzero(network.v_min_pu > network.v_max_pu)
+    if wrong.size:
+        i = int(wrong[0])
+        found = f"{network.v_min_pu[i]:g} at bus {network.bus_names[i]}"
+        allowed = f"at most v_max_pu = {network.v_max_pu[i]:g}"
+        where = ("network", "v_min_pu")
+        parts.document.add(where, "[network]", "v_min_pu", found, allowed, "swap the two limits")
+    for grid, title in parts.devices.get("grid", []):
+        if grid.v_pu is None or not grid.bus or not network.has_bus(grid.bus):
+            continue
+        i = network.bus(grid.bus)
+        low, high = network.v_min_pu[i], network.v_max_pu[i]
+        if low <= high and not low <= grid.v_pu <= high:
+            allowed = f"{low:g} to {high:g}, the limits of bus {grid.bus}"
+            hint = "v_pu is in per unit of vn_kv; widen the limits or change it"
+            where = ("grid", str(grid.name), "v_pu")
+            parts.document.add(where, title, "v_pu", f"{grid.v_pu:g}", allowed, hint)
+
+
+def _check_connected(parts: Parts, network: Network) -> None:
+    """Refuse parts that no usable line joins to the largest one and that have no [[grid]]."""
+    grids = {
+        network.bus(g.bus)
+        for g, _ in parts.devices.get("grid", [])
+        if g.bus and network.has_bus(g.bus)
+    }
+    islands = [island for island in cut_off(network) if not grids.intersection(island)]
+    if islands:
+        count = sum(map(len, islands))
+        names = [network.bus_names[i] for island in islands for i in island]
+        few = ", ".join(names[:5]) + (", ..." if count > 5 else "")
+        found = f"{count} of {len(network.bus_names)} buses cut off: {few}"
+        allowed = "one connected network, switchable lines closed, or a [[grid]] in every part"
+        hint = "add the missing line, or set in_service or switchable on one"
+        parts.document.add(("network",), "[network]", "", found, allowed, hint)
+
+
+def _check_impedances(parts: Parts, network: Network) -> None:
+    """Refuse an inline line on which the whole load would lose many times the voltage."""
+    load_mw = sum(d.p_max_mw or 0.0 for d, _ in parts.devices.get("load", []))
+    for i, (line, title) in enumerate(parts.inline_lines):
+        vn_kv = float(network.vn_kv[network.from_bus[i]])
+        for key, ohm in (("r_ohm", line.r_ohm), ("x_ohm", line.x_ohm)):
+            limit = _MAX_DROP_PU * vn_kv**2 / load_mw if load_mw > 0 else math.inf
+            if ohm > limit:
+                allowed = (
+                    f"about {limit:.3g} ohm at most, with {load_mw:g} MW of load at {vn_kv:g} kV"
+                )
+                hint = "probably mOhm given as ohm, or a length in m taken for km"
+                where = ("network", "line")
+                parts.document.add(where, title, key, f"{ohm:g}", allowed, hint)
+
+
+def cut_off(network: Network) -> list[list[int]]:
+    """Return the parts without a path to the largest one, every usable line closed."""
+    neighbours: list[list[int]] = [[] for _ in network.bus_names]
+    usable = network.in_service | network.switchable
+    for a, b in zip(
+        network.from_bus[usable].tolist(), network.to_bus[usable].tolist(), strict=True
+    ):
+        neighbours[a].append(b)
+        neighbours[b].append(a)
+    left = set(range(len(network.bus_names)))
+    parts = []
+    while left:
+        found = [min(left)]
+        left.discard(found[0])
+        for bus in found:
+            new = left.intersection(neighbours[bus])
+            left -= new
+            found.extend(new)
+        parts.append(sorted(found))
+    return sorted(parts, key=len, reverse=True)[1:]

@@ -1,0 +1,97 @@
+"""`Case`: what a case file says, read, checked and immutable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resilience.case.network import FloatArray, Network
+from resilience.case.schema import DEVICES, ESSTable, GeneratorTable, GridTable, LoadTable, PVTable
+from resilience.case.window import Window
+from resilience.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Outage:
+    """One line down in the slots `first .. stop - 1`; a slot it touches at all counts as down."""
+
+    line: str
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A microgrid, its horizon, and the outages to plan for.
+
+    Device tables are tuples in the order of the file; powers are in MW, energies in MWh, prices
+    per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak.
+    `source` is the merged case file as plain data.
+    """
+
+    name: str
+    description: str
+    path: Path | None
+    network: Network
+    start: datetime
+    slots: int
+    step_min: float
+    profiles: Mapping[str, FloatArray]
+    load: tuple[LoadTable, ...]
+    pv: tuple[PVTable, ...]
+    ess: tuple[ESSTable, ...]
+    generator: tuple[GeneratorTable, ...]
+    grid: tuple[GridTable, ...]
+    outages: tuple[Outage, ...]
+    terminal_value_per_mwh: float
+    source: dict[str, Any]
+
+    @property
+    def step_h(self) -> float:
+        """Length of a slot, h."""
+        return self.step_min / 60.0
+
+    @property
+    def window(self) -> Window:
+        """The horizon as times."""
+        return Window(self.start, self.slots, self.step_min)
+
+    def profile(self, name: str | None) -> FloatArray:
+        """Return a profile over the horizon, shape `(slots,)`; ones for `None`."""
+        if name is None:
+            return np.ones(self.slots)
+        if name not in self.profiles:
+            known = ", ".join(self.profiles) or "none"
+            raise UsageError(f"profile {name!r} is not in the case", f"known are {known}")
+        return self.profiles[name]
+
+    def slot_label(self, t: int) -> str:
+        """Return the time at which slot `t` starts: `14:30`, or `d2 14:30` beyond one day."""
+        return self.window.label(t)
+
+    def replace(self, **changes: Any) -> Case:
+        """Return a copy with another horizon, other outages or other values.
+
+        A new `start`, `slots` or `step_min` reads the profiles again and keeps outages at their
+        times of day and date, as far as they fall into the new horizon. `outages` may be text, as
+        in a case file. Raises `CaseError` where the result is no valid case.
+        """
+        from resilience.case.change import replace_case
+
+        return replace_case(self, changes)
+
+    def equals(self, other: Case) -> bool:
+        """Say whether both cases mean the same, whatever files they came from."""
+        plain = ("name", "description", "start", "slots", "step_min", "outages", *DEVICES)
+        return (
+            all(getattr(self, key) == getattr(other, key) for key in plain)
+            and self.terminal_value_per_mwh == other.terminal_value_per_mwh
+            and self.network.equals(other.network)
+            and self.profiles.keys() == other.profiles.keys()
+            and all(np.array_equal(v, other.profiles[k]) for k, v in self.profiles.items())
+        )

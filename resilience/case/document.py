@@ -1,0 +1,226 @@
+"""Case files as plain data: finding them, reading TOML, and merging a case over its base."""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from resilience.case.network import did_you_mean
+from resilience.errors import Problem, UsageError
+
+KEYED = ("load", "pv", "ess", "generator", "grid", "line")
+"""Lists of tables that merge by name."""
+
+_SOURCES = ("pandapower", "file", "bus", "line")
+_PACKAGE = Path(__file__).parent.parent
+
+
+@dataclass
+class Document:
+    """A merged case file: its data, the file each key comes from, and what could not be read."""
+
+    path: Path | None
+    data: dict[str, Any] = field(default_factory=dict)
+    origin: dict[tuple[str, ...], str] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+    def add(
+        self, where: tuple[str, ...], table: str, key: str, value: str, allowed: str, hint: str
+    ) -> None:
+        """Note one mistake; `where` is the place of its key in the data."""
+        file = self.file_of(*where)
+        self.problems.append(Problem(file, table, key, value, allowed, hint))
+
+    def file_of(self, *where: str) -> str:
+        """Return the file that a table or key comes from, the innermost that is known."""
+        for length in range(len(where), 0, -1):
+            if where[:length] in self.origin:
+                return self.origin[where[:length]]
+        return shown(self.path)
+
+
+def shown(path: Path | None) -> str:
+    """Return a path as messages print it: relative where it lies below the working folder."""
+    if path is None:
+        return "case"
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def case_folder() -> Path:
+    """Return the folder of the cases that come with the package, or with a source checkout."""
+    installed = _PACKAGE / "_cases"
+    return installed if installed.is_dir() else _PACKAGE.parent / "cases"
+
+
+def case_names() -> list[str]:
+    """Return the names of the cases that come with the package: `ieee33`, `analytic/island`."""
+    folder = case_folder()
+    return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.toml"))
+
+
+def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
+    """Return the file of a case given by name or path; relative paths start at `beside`.
+
+    Raises `UsageError` where there is no such case.
+    """
+    path = Path(ref)
+    for candidate in (path if beside is None else beside / path, case_folder() / f"{ref}.toml"):
+        if candidate.is_file():
+            return candidate
+    if path.suffix == ".toml":
+        raise UsageError(
+            f"case file {path} does not exist",
+            "give a path or one of the names: " + ", ".join(case_names()),
+        )
+    raise UsageError(
+        f"case {str(ref)!r} does not exist", did_you_mean(str(ref), case_names(), shown=40)
+    )
+
+
+def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
+    """Read a case file and merge it over the case that it extends."""
+    path = path.resolve()
+    document = Document(path)
+    document.data = _parse(path, document.problems)
+    _absolute_paths(document.data, path.parent)
+    document.origin = dict.fromkeys(_places(document.data), shown(path))
+    base_ref = document.data.get("extends")
+    if not isinstance(base_ref, str):
+        return document
+    try:
+        base_path = find_case(base_ref, beside=path.parent).resolve()
+    except UsageError as error:
+        document.problems.append(
+            Problem(
+                shown(path), "", "extends", repr(base_ref), "the name or path of a case", error.hint
+            )
+        )
+        return document
+    chain = (*chain, path)
+    if base_path in chain:
+        loop = " -> ".join(p.stem for p in (*chain, base_path))
+        document.problems.append(
+            Problem(
+                shown(path),
+                "",
+                "extends",
+                loop,
+                "a chain that ends",
+                "remove `extends` from one of these files",
+            )
+        )
+        return document
+    base = read_document(base_path, chain)
+    return Document(
+        path,
+        _merge(base.data, document.data),
+        base.origin | document.origin,
+        base.problems + document.problems,
+    )
+
+
+def _parse(path: Path, problems: list[Problem]) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        problems.append(
+            Problem(
+                shown(path), "", "", str(error), "a text file in UTF-8", "case files are TOML text"
+            )
+        )
+        return {}
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        lines = text.splitlines()
+        line = int(place[1]) if place else len(lines)
+        column = f"column {place[2]}" if place else "end of file"
+        found = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
+        problems.append(
+            Problem(
+                shown(path), f"line {line}", column, found, "TOML", str(error).split(" (at ")[0]
+            )
+        )
+        return {}
+
+
+def _absolute_paths(data: dict[str, Any], folder: Path) -> None:
+    for table in ("network", "profiles"):
+        section = data.get(table)
+        if isinstance(section, dict) and isinstance(section.get("file"), str):
+            section["file"] = str((folder / section["file"]).resolve())
+
+
+def _places(value: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield the place of every table and key; entries of keyed lists go by name."""
+    if where:
+        yield where
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _places(inner, (*where, str(key)))
+    elif len(where) == 1 and where[0] in KEYED and isinstance(value, list):
+        for entry in value:
+            if isinstance(entry, dict):
+                yield from _places(entry, (*where, entry_name(where[0], entry)))
+
+
+def entry_name(kind: str, entry: dict[str, Any]) -> str:
+    """Return the name of an entry of a keyed list; empty where it has none."""
+    return str(entry.get("name", "grid" if kind == "grid" else ""))
+
+
+def _merge(base: dict[str, Any], child: dict[str, Any]) -> dict[str, Any]:
+    """Lay a case over its base: tables key by key, lists of devices by name, the rest replaced."""
+    merged = {k: v for k, v in base.items() if k not in ("extends", "name", "description")}
+    for key, value in child.items():
+        old = merged.get(key)
+        if key in KEYED and isinstance(old, list) and isinstance(value, list):
+            merged[key] = _merge_entries(key, old, value)
+        elif key == "network" and isinstance(old, dict) and isinstance(value, dict):
+            merged[key] = _merge_network(old, value)
+        elif isinstance(old, dict) and isinstance(value, dict):
+            merged[key] = _merge_tables(old, value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _merge_tables(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    both = {
+        k: _merge_tables(old[k], v)
+        for k, v in new.items()
+        if isinstance(v, dict) and isinstance(old.get(k), dict)
+    }
+    return old | new | both
+
+
+def _merge_network(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+    """A new source of the network replaces the old one; inline buses keep inline lines."""
+    sources = [key for key in _SOURCES if key in new]
+    inline = ("bus", "line") if any(key in ("bus", "line") for key in sources) else ()
+    dropped = [key for key in _SOURCES if sources and key not in inline]
+    return {k: v for k, v in old.items() if k not in dropped} | new
+
+
+def _merge_entries(kind: str, old: list[Any], new: list[Any]) -> list[Any]:
+    merged = list(old)
+    free = {
+        entry_name(kind, e): i for i, e in reversed(list(enumerate(old))) if isinstance(e, dict)
+    }
+    for entry in new:
+        name = entry_name(kind, entry) if isinstance(entry, dict) else ""
+        position = free.pop(name, None) if name else None
+        if position is None:
+            merged.append(entry)
+        else:
+            merged[position] = _merge_tables(merged[position], entry)
+    return merged

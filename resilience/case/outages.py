@@ -1,0 +1,183 @@
+"""Outages as text: `6-26@14:00-17:30`, a CSV file with the columns line, start, stop, or none.
+
+A time is `14:30` (its first occurrence in the horizon), `d2 14:30` (on the horizon's second
+calendar day) or a full date and time. `24:00` is midnight at the end of a day.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from resilience.case.network import Network
+from resilience.case.window import Window
+from resilience.errors import CaseError, Problem, UsageError
+
+if TYPE_CHECKING:
+    from resilience.case.data import Outage
+
+_TIME = r"(?:\d{4}-\d\d-\d\d[T ]|d\d+ )?\d{1,2}:\d\d(?::\d\d)?"
+_SPEC = re.compile(rf"\s*(?P<line>.+?)\s*@\s*(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})\s*")
+_CLOCK = re.compile(r"(?:d(?P<day>\d+) )?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?")
+_FORM = "LINE@START-STOP, as in 6-26@14:00-17:30"
+
+
+class HasHorizon(Protocol):
+    """Anything with a network and a horizon; a `Case` is one."""
+
+    @property
+    def network(self) -> Network: ...
+    @property
+    def window(self) -> Window: ...
+
+
+@dataclass(frozen=True)
+class _Spec:
+    """One outage as written: where it stands, and its three parts."""
+
+    where: str
+    text: str
+    line: str
+    start: str
+    stop: str
+
+
+class _Mistake(Exception):
+    """What is wrong with one outage: (allowed, hint)."""
+
+
+def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
+    """Read outages for a case from text (comma or semicolon separated), a CSV file, or `none`.
+
+    Raises `CaseError` with every mistake, and `UsageError` for a file that is not there.
+    """
+    if isinstance(text, Path) or text.strip().lower().endswith(".csv"):
+        specs, problems = _read_csv(Path(text))
+        file = str(text)
+    elif text.strip().lower() in ("", "none"):
+        return ()
+    else:
+        specs, problems = split_specs(re.split(r"[,;]", text), "outages", "outages")
+        file = "outages"
+    outages, more = place_outages(specs, file, case.network, case.window)
+    if problems or more:
+        raise CaseError([*problems, *more])
+    return outages
+
+
+def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[_Spec], list[Problem]]:
+    """Split outages as written into their parts; the second list says which have another form."""
+    specs, problems = [], []
+    for number, text in enumerate(texts, start=1):
+        match = _SPEC.fullmatch(text)
+        if match is None:
+            hint = "write the line's name, @, and two times as HH:MM"
+            problems.append(Problem(file, table, f"#{number}", repr(text), _FORM, hint))
+        else:
+            specs.append(_Spec(f"{table} #{number}", text.strip(), **match.groupdict()))
+    return specs, problems
+
+
+def _read_csv(path: Path) -> tuple[list[_Spec], list[Problem]]:
+    if not path.is_file():
+        raise UsageError(f"outage file {path} does not exist", "columns: line, start, stop")
+    with path.open(newline="", encoding="utf-8-sig") as stream:
+        reader = csv.DictReader(stream)
+        missing = [c for c in ("line", "start", "stop") if c not in (reader.fieldnames or ())]
+        if missing:
+            found = ", ".join(reader.fieldnames or ()) or "no columns"
+            hint = "the first row of the file names the columns"
+            return [], [
+                Problem(str(path), "header", ", ".join(missing), found, "line, start, stop", hint)
+            ]
+        return [
+            _Spec(
+                f"row {reader.line_num}",
+                f"{r['line']}@{r['start']}-{r['stop']}",
+                *((r[c] or "").strip() for c in ("line", "start", "stop")),
+            )
+            for r in reader
+        ], []
+
+
+def place_outages(
+    specs: Iterable[_Spec], file: str, network: Network | None, window: Window | None
+) -> tuple[tuple[Outage, ...], list[Problem]]:
+    """Turn written outages into slots; the second list says what cannot be placed and why.
+
+    Either of `network` and `window` may be missing: what needs it is then not checked.
+    """
+    from resilience.case.data import Outage
+
+    outages, problems = [], []
+    for spec in specs:
+        if network is not None and not network.has_line(spec.line):
+            problems.append(
+                Problem(
+                    file,
+                    spec.where,
+                    "line",
+                    repr(spec.line),
+                    "a line of the network",
+                    network.line_hint(spec.line),
+                )
+            )
+        if window is None:
+            continue
+        try:
+            first, stop = _slots(spec, window)
+        except _Mistake as mistake:
+            allowed, hint = mistake.args
+            problems.append(Problem(file, spec.where, "", repr(spec.text), allowed, hint))
+        else:
+            outages.append(Outage(spec.line, first, stop))
+    return tuple(outages), problems
+
+
+def _slots(spec: _Spec, window: Window) -> tuple[int, int]:
+    start = _time(spec.start, window, None)
+    stop = _time(spec.stop, window, start)
+    if stop <= start:
+        raise _Mistake(
+            "an end after the start",
+            "swap the two times, or mark the day: 22:00-d2 02:00",
+        )
+    first, last = window.span(start, stop)
+    if first >= last:
+        raise _Mistake(f"times within the horizon, {window}", "move the outage or the horizon")
+    return first, last
+
+
+def _time(text: str, window: Window, after: datetime | None) -> datetime:
+    """Read a time; `after` is the start of the outage when `text` is its end."""
+    match = _CLOCK.fullmatch(text)
+    try:
+        if match is None:
+            return datetime.fromisoformat(text)
+        hours, minutes, seconds = (int(match[k] or 0) for k in "hms")
+        if (hours, minutes, seconds) > (24, 0, 0) or minutes > 59 or seconds > 59:
+            raise ValueError
+    except ValueError:
+        raise _Mistake(f"times as HH:MM, not {text!r}", "hours run to 24, minutes to 59") from None
+    midnight = window.start.replace(hour=0, minute=0, second=0, microsecond=0)
+    clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
+    if match["day"] is not None:
+        return midnight + timedelta(days=int(match["day"]) - 1) + clock
+    if after is not None and window.longer_than_a_day:
+        return after.replace(hour=0, minute=0, second=0, microsecond=0) + clock
+    when = midnight + clock
+    too_early = when <= window.start if after is not None else when < window.start
+    return when + timedelta(days=1) if too_early else when
+
+
+def outage_texts(outages: Iterable[Outage], window: Window) -> list[str]:
+    """Write outages as a case file does. The inverse of reading them."""
+    return [
+        f"{o.line}@{window.text(window.time(o.first))}-{window.text(window.time(o.stop))}"
+        for o in outages
+    ]

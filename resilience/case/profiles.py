@@ -1,0 +1,255 @@
+"""Profiles: columns of a file or of the case, cut to the horizon.
+
+A profile file is CSV (also `.csv.gz`) or Parquet. Its first column is `time`, the start of each
+slot as ISO date and time without a zone; every other column is one profile, in per unit of the
+peak of the device that names it. The step of the file must be the step of the case.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resilience.case.network import FloatArray
+from resilience.case.schema import ProfilesTable
+from resilience.case.window import Window
+
+Finding = tuple[str, str, str, str]
+"""`(key, value, allowed, hint)`."""
+
+_MAX_PU = 2.0
+
+
+class ProfileError(Exception):
+    """A profile file that cannot be read or does not fit: `(key, value, allowed, hint)`."""
+
+
+@dataclass
+class ProfileFile:
+    """The columns of one file, turned into numbers when asked for."""
+
+    times: NDArray[np.datetime64]
+    raw: dict[str, Any]
+    _numbers: dict[str, FloatArray] = field(default_factory=dict)
+
+    def column(self, name: str) -> FloatArray:
+        """Return a whole column as floats; empty cells are NaN."""
+        if name not in self._numbers:
+            self._numbers[name] = _to_numbers(name, self.raw[name])
+        return self._numbers[name]
+
+
+def read_profile_file(path: Path) -> ProfileFile:
+    """Read a profile file, or take it from memory if it is unchanged."""
+    if not path.is_file():
+        raise ProfileError(
+            "file", str(path), "a file that exists", "paths start at the case file's folder"
+        )
+    stat = path.stat()
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _mtime: int, _size: int) -> ProfileFile:
+    if path.suffix == ".parquet":
+        return _read_parquet(path)
+    if path.name.endswith((".csv", ".csv.gz")):
+        return _read_csv(path)
+    raise ProfileError("file", path.name, "a .csv, .csv.gz or .parquet file", "convert the file")
+
+
+def _read_csv(path: Path) -> ProfileFile:
+    data = path.read_bytes()
+    try:
+        text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8-sig")
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        raise ProfileError(
+            "file", path.name, "UTF-8 text", f"the file is damaged: {error}"
+        ) from None
+    rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].startswith("#")]
+    if not rows or rows[0][0].strip() != "time":
+        found = repr(rows[0][0]) if rows else "an empty file"
+        raise ProfileError(
+            "file", found, "`time` as the first column", "name the column of times `time`"
+        )
+    names = [name.strip() for name in rows[0]]
+    for number, row in enumerate(rows[1:], start=1):
+        if len(row) != len(names):
+            raise ProfileError(
+                "file",
+                f"{len(row)} cells in data row {number}",
+                f"{len(names)}, as in the header",
+                "a comma is missing or too many; decimals take a point",
+            )
+    columns = dict(zip(names, zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
+    return ProfileFile(_to_times(columns.pop("time", ())), columns)
+
+
+def _read_parquet(path: Path) -> ProfileFile:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except (pa.ArrowException, OSError) as error:
+        raise ProfileError(
+            "file", path.name, "a Parquet file", f"it cannot be read: {error}"
+        ) from None
+    if "time" not in table.column_names:
+        raise ProfileError(
+            "file", ", ".join(table.column_names), "a column `time`", "name it `time`"
+        )
+    times = table.column("time")
+    if pa.types.is_timestamp(times.type) and times.type.tz is None:
+        stamps = times.cast(pa.timestamp("s")).to_numpy().astype("datetime64[s]")
+    else:
+        stamps = _to_times(tuple(map(str, times.to_pylist())))
+    return ProfileFile(
+        stamps, {n: table.column(n).to_pylist() for n in table.column_names if n != "time"}
+    )
+
+
+def _to_times(texts: tuple[str, ...]) -> NDArray[np.datetime64]:
+    stamps: list[datetime] = []
+    for row, text in enumerate(texts, start=1):
+        try:
+            stamps.append(datetime.fromisoformat(text.strip()))
+        except ValueError:
+            stamps.append(datetime.max.replace(tzinfo=None))
+            bad: str | None = "not a date and time"
+        else:
+            bad = "a time zone" if stamps[-1].tzinfo is not None else None
+        if bad:
+            raise ProfileError(
+                "time",
+                f"{text!r} in data row {row} ({bad})",
+                "ISO date and time without a zone",
+                "write local times as 2016-07-12 14:30",
+            )
+    return np.array(stamps, dtype="datetime64[s]")
+
+
+def _to_numbers(name: str, cells: Any) -> FloatArray:
+    try:
+        return np.array([np.nan if c is None else c for c in cells]).astype(np.float64)
+    except ValueError:
+        pass
+    numbers = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        if cell is None or not str(cell).strip():
+            continue
+        try:
+            numbers[row] = float(cell)
+        except ValueError:
+            raise ProfileError(
+                name, f"{cell!r} in data row {row + 1}", "a number", "decimals take a point"
+            ) from None
+    return numbers
+
+
+def find_window(file: ProfileFile, window: Window) -> slice:
+    """Return the rows that cover the horizon. Raises `ProfileError` where none do exactly."""
+    times, step = file.times, np.timedelta64(timedelta(minutes=window.step_min))
+    if len(times) < 2:
+        raise ProfileError(
+            "file", f"{len(times)} rows", "one row per slot", "the file holds no series"
+        )
+    covers = f"{times[0]} to {times[-1]}".replace("T", " ")
+    steps = np.diff(times)
+    usual = np.median(steps.astype(np.int64))
+    if usual != step / np.timedelta64(1, "s"):
+        raise ProfileError(
+            "file",
+            f"a time step of {usual / 60:g} min",
+            f"step_min = {window.step_min:g}",
+            "resample the profiles to the step of the case, or change [time] step_min",
+        )
+    first = int(np.searchsorted(times, np.datetime64(window.start)))
+    if first == len(times) or times[first] != np.datetime64(window.start):
+        raise ProfileError(
+            "file",
+            f"rows from {covers}",
+            f"a row at {window.start}",
+            "move [time] start, or use a file that covers it",
+        )
+    if first + window.slots > len(times):
+        raise ProfileError(
+            "file",
+            f"{len(times) - first} rows from {window.start} on (to {times[-1]})".replace("T", " "),
+            f"at least slots = {window.slots}",
+            "shorten [time] slots, or use a longer file",
+        )
+    rows = slice(first, first + window.slots)
+    for row, (a, b) in enumerate(pairwise(times[rows]), start=first + 1):
+        if b - a != step:
+            raise ProfileError(
+                "file",
+                f"{b} after {a}, data row {row + 1}".replace("T", " "),
+                f"a step of {window.step_min:g} min",
+                "fill the gap in the file",
+            )
+    return rows
+
+
+def read_profiles(
+    table: ProfilesTable, window: Window, uses: Mapping[str, bool]
+) -> tuple[dict[str, FloatArray], set[str] | None, list[Finding]]:
+    """Cut the profiles that a case uses, and all inline ones, to the horizon.
+
+    `uses` says for each name whether it is a price. Returns the arrays, the names there are
+    (`None` where the file cannot be read), and what is wrong, as `(key, value, allowed, hint)`.
+    """
+    arrays: dict[str, FloatArray] = {}
+    findings: list[Finding] = []
+    known: set[str] | None = set(table.columns)
+    if table.file:
+        try:
+            file = read_profile_file(Path(table.file))
+            known = set(table.columns) | set(file.raw)
+            rows = find_window(file, window)
+            for name in sorted(uses.keys() & file.raw.keys() - table.columns.keys()):
+                arrays[name] = file.column(name)[rows].copy()
+        except ProfileError as error:
+            findings.append(error.args)
+            known = known if known and known != set(table.columns) else None
+    for name, values in table.columns.items():
+        if len(values) < window.slots:
+            hint = "give one value per slot"
+            found = f"{len(values)} values"
+            findings.append((name, found, f"at least slots = {window.slots}", hint))
+        else:
+            arrays[name] = np.array(values[: window.slots], dtype=np.float64)
+    for name, array in arrays.items():
+        array.setflags(write=False)
+        findings.extend(_wrong_values(name, array, window, is_price=uses.get(name, False)))
+    return arrays, known, findings
+
+
+def _wrong_values(
+    name: str, values: FloatArray, window: Window, *, is_price: bool
+) -> Iterator[Finding]:
+    checks = [(~np.isfinite(values), "NaN or infinite", "finite numbers", "fill the gaps")]
+    if not is_price:
+        hint = "consumption and production are both positive here"
+        checks.append((values < 0, "negative", "0 or more", hint))
+        hint = "divide the column by its peak, and put the peak into p_max_mw"
+        checks.append(
+            (values > _MAX_PU, f"above {_MAX_PU:g}", "per unit of the device's peak", hint)
+        )
+    for wrong, what, allowed, hint in checks:
+        count = int(np.count_nonzero(wrong))
+        if count:
+            t = int(np.argmax(wrong))
+            first = f"the first at {window.time(t):%Y-%m-%d %H:%M} (slot {t + 1}: {values[t]:g})"
+            yield name, f"{count} of {len(values)} values {what}, {first}", allowed, hint

@@ -1,0 +1,164 @@
+"""From plain data to checked tables: every pydantic error becomes a `Problem` people can read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import date
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from resilience.case.document import Document, entry_name
+from resilience.case.network import did_you_mean
+from resilience.case.schema import DEVICES, Table
+
+T = TypeVar("T", bound=Table)
+Where = tuple[str, ...]
+
+_ALLOWED = {
+    "greater_than": "greater than {gt:g}",
+    "greater_than_equal": "{ge:g} or more",
+    "less_than": "less than {lt:g}",
+    "less_than_equal": "{le:g} or less",
+    "string_too_short": "a name that is not empty",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "text in quotes",
+    "datetime_type": "a date and time, as in 2016-07-12T00:00:00",
+    "finite_number": "a finite number",
+    "tuple_type": "a list in brackets",
+    "dict_type": "a table",
+    "missing": "a value",
+}
+
+
+def show(value: Any, limit: int = 60) -> str:
+    """Return a value as TOML writes it, cut to `limit` characters."""
+    if isinstance(value, bool):
+        text = "true" if value else "false"
+    elif isinstance(value, str):
+        text = f'"{value}"'
+    elif isinstance(value, date):
+        text = value.isoformat()
+    elif isinstance(value, float):
+        text = f"{value:.6g}"
+    else:
+        text = str(value)
+    return text if len(text) <= limit else text[: limit - 4] + " ..."
+
+
+def read_table(
+    model: type[T],
+    raw: Any,
+    document: Document,
+    table: str,
+    where: Where,
+    place: Callable[[str], tuple[str, Where]] | None = None,
+) -> tuple[T, bool]:
+    """Check one table. Returns it and whether it is sound; mistakes go to the document.
+
+    An unsound table holds `None` where a value is wrong or missing, so that the rules which do
+    not need that value can still be checked. `place` may send the mistakes of a key to another
+    table: it returns the title and the place for a key.
+    """
+    if not isinstance(raw, dict):
+        hint = f"write {table} on a line of its own and the keys below it"
+        document.add(where, table, "", show(raw), "a table", hint)
+        return _partial(model, {}, set()), False
+    try:
+        return model.model_validate(raw), True
+    except ValidationError as errors:
+        bad = set()
+        for error in errors.errors(include_url=False):
+            key = str(error["loc"][0])
+            bad.add(key)
+            title, at = place(key) if place else (table, where)
+            document.add((*at, key), title, *_describe(model, error, raw))
+        return _partial(model, raw, bad), False
+
+
+def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str, str, str, str]:
+    """Return `(key, value, allowed, hint)` for one pydantic error."""
+    loc, kind = error["loc"], error["type"]
+    key = str(loc[0]) + "".join(f"[{i + 1}]" if isinstance(i, int) else f".{i}" for i in loc[1:])
+    if kind == "extra_forbidden":
+        return (key, *_unknown_key(model, key))
+    field = _field(model, str(loc[0]))
+    about = (field.description if field else None) or "see the case reference"
+    if kind == "missing" and len(loc) == 1:
+        return key, "nothing", "a value", f"add {key} = ... ({about})"
+    allowed = _ALLOWED.get(kind, error["msg"]).format(**error.get("ctx", {}))
+    found = show(raw.get(str(loc[0])) if kind == "missing" else error["input"])
+    hint = f"{loc[0]} is: {about}"
+    if kind in ("float_type", "int_type", "bool_type") and isinstance(error["input"], str):
+        hint = f"remove the quotes; {hint}"
+    if key == "vn_kv" and kind == "less_than_equal":
+        hint = "the voltage is probably in V; give it in kV"
+    return key, found, allowed, hint
+
+
+def _unknown_key(model: type[Table], key: str) -> tuple[str, str, str]:
+    known = [f.alias or name for name, f in model.model_fields.items()]
+    return "an unknown key", "the keys of this table", did_you_mean(key, known, shown=30)
+
+
+def _field(model: type[Table], key: str) -> FieldInfo | None:
+    fields = model.model_fields.items()
+    return next((field for name, field in fields if key in (name, field.alias)), None)
+
+
+def _partial(model: type[T], raw: dict[str, Any], bad: set[str]) -> T:
+    values: dict[str, Any] = {}
+    for name, field in model.model_fields.items():
+        key = field.alias or name
+        if key in raw and key not in bad:
+            is_name = key in ("name", "bus", "from", "to") and isinstance(raw[key], int)
+            values[name] = str(raw[key]) if is_name else raw[key]
+        elif key in bad or field.is_required() or field.default_factory_takes_validated_data:
+            values[name] = None
+        else:
+            values[name] = field.get_default(call_default_factory=True)
+    partial: T = model.model_construct(**values)
+    return partial
+
+
+def read_list(
+    model: type[T], kind: str, raw: Any, document: Document, where: Where
+) -> list[tuple[T, str, bool]]:
+    """Check every entry of `[[kind]]`. Returns tables, their titles, and whether they are sound."""
+    if not isinstance(raw, list):
+        hint = f"write [[{kind}]] with two brackets"
+        document.add(where, f"[{kind}]", "", show(raw), f"a list of tables, [[{kind}]]", hint)
+        raw = [raw] if isinstance(raw, dict) else []
+    defaults = _defaults(model, kind, document)
+    found = []
+    for number, entry in enumerate(raw, start=1):
+        is_table = isinstance(entry, dict)
+        name, given = (entry_name(kind, entry), set(entry)) if is_table else ("", set())
+        title = f"[[{kind}]] {name or f'#{number}'}"
+
+        def place(
+            key: str, given: set[str] = given, title: str = title, at: Where = (*where, name)
+        ) -> tuple[str, Where]:
+            if key in defaults and key not in given:
+                return f"[defaults.{kind}]", ("defaults", kind)
+            return title, at
+
+        full = defaults | entry if is_table else entry
+        table, sound = read_table(model, full, document, title, (*where, name), place)
+        found.append((table, title, sound))
+    return found
+
+
+def _defaults(model: type[Table], kind: str, document: Document) -> dict[str, Any]:
+    """Return `[defaults.kind]` without its unknown keys, which are mistakes."""
+    section = document.data.get("defaults", {})
+    given = section.get(kind, {}) if isinstance(section, dict) else {}
+    if kind not in DEVICES or not isinstance(given, dict):
+        return {}
+    for key in given.keys() - model.model_fields.keys():
+        where = ("defaults", kind, key)
+        document.add(where, f"[defaults.{kind}]", key, *_unknown_key(model, key))
+    return {key: value for key, value in given.items() if key in model.model_fields}

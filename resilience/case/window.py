@@ -1,0 +1,52 @@
+"""The horizon: slots, the times they start at, and their labels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from math import ceil, floor
+
+_MINUTE = timedelta(minutes=1)
+
+
+@dataclass(frozen=True)
+class Window:
+    """`slots` slots of `step_min` minutes from `start` on."""
+
+    start: datetime
+    slots: int
+    step_min: float
+
+    @property
+    def stop(self) -> datetime:
+        """End of the last slot."""
+        return self.time(self.slots)
+
+    @property
+    def longer_than_a_day(self) -> bool:
+        """Whether a time of day alone does not name a slot."""
+        return self.slots * self.step_min > 24 * 60
+
+    def time(self, t: int) -> datetime:
+        """Return the time at which slot `t` starts."""
+        return self.start + timedelta(minutes=t * self.step_min)
+
+    def label(self, t: int) -> str:
+        """Return `14:30` for slot `t`, or `d2 14:30` where the horizon is longer than a day."""
+        return self.text(self.time(t))
+
+    def text(self, when: datetime) -> str:
+        """Return a time as the labels of this horizon write it."""
+        clock = f"{when:%H:%M:%S}" if when.second else f"{when:%H:%M}"
+        day = (when.date() - self.start.date()).days + 1
+        return f"d{day} {clock}" if self.longer_than_a_day else clock
+
+    def span(self, first: datetime, stop: datetime) -> tuple[int, int]:
+        """Return `(first slot, stop slot)` of all slots that `[first, stop)` touches, clipped."""
+        step = self.step_min * _MINUTE
+        start_slot = floor((first - self.start) / step + 1e-9)
+        stop_slot = ceil((stop - self.start) / step - 1e-9)
+        return max(start_slot, 0), min(stop_slot, self.slots)
+
+    def __str__(self) -> str:
+        return f"{self.start:%Y-%m-%d %H:%M} to {self.stop:%Y-%m-%d %H:%M}"

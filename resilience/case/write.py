@@ -1,0 +1,43 @@
+"""Writing a case as it was solved: one TOML text that needs no other case file."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from typing import Any
+
+from resilience.case.change import plain
+from resilience.case.data import Case
+from resilience.case.network import FloatArray
+from resilience.case.outages import outage_texts
+from resilience.case.schema import DEVICES
+
+
+def case_text(case: Case) -> str:
+    """Return a case as TOML that loads, from any folder, to an equal case.
+
+    Bases and defaults are resolved, profiles are written out over the horizon, and a network file
+    is named by its absolute path.
+    """
+    import tomli_w
+
+    data: dict[str, Any] = {
+        "name": case.name,
+        "description": case.description,
+        "terminal_value_per_mwh": case.terminal_value_per_mwh,
+        "outages": outage_texts(case.outages, case.window),
+        "network": case.source["network"],
+        "line": case.source.get("line", []),
+        "time": {"start": case.start, "slots": case.slots, "step_min": case.step_min},
+    }
+    for kind in DEVICES:
+        data[kind] = [plain(device) for device in getattr(case, kind)]
+    text = tomli_w.dumps({key: value for key, value in data.items() if value != []})
+    columns = [_column(name, values) for name, values in case.profiles.items()]
+    return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text
+
+
+def _column(name: str, values: FloatArray) -> str:
+    numbers = ", ".join(map(repr, values.tolist()))
+    lines = textwrap.wrap(numbers, 100, initial_indent="    ", subsequent_indent="    ")
+    return "\n".join([f"{json.dumps(name, ensure_ascii=False)} = [", *lines, "]"])

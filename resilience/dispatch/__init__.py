@@ -1,0 +1,1 @@
+"""Dispatchers, and the deterministic plan that they are measured against."""

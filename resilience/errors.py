@@ -1,0 +1,79 @@
+"""Every error this package raises on purpose.
+
+```
+ResilienceError            catch this one to catch them all
+├── CaseError              a case file with mistakes: all of them, as `problems`
+├── UsageError             a call or command that cannot mean anything (unknown name, option)
+├── InfeasibleError        no plan satisfies the case; the message names what conflicts
+└── SolverError            a solver failed, or returned no usable answer
+```
+
+A message reads: subject, value found, what is allowed; then `hint:` with the remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+class ResilienceError(Exception):
+    """Base of all errors of the package: a message and, where there is one, a remedy."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}\nhint: {self.hint}" if self.hint else self.message
+
+
+class UsageError(ResilienceError):
+    """A call or a command that cannot mean anything."""
+
+
+class InfeasibleError(ResilienceError):
+    """No plan satisfies the case. The message names the rows and slots in conflict."""
+
+
+class SolverError(ResilienceError):
+    """A solver failed, or stopped without a usable answer."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One mistake in a case file.
+
+    `file` and `table` say where (`[[ess]] ess2`), `key` what, `value` what was found,
+    `allowed` what may stand there, and `hint` what to do about it. All are text for people.
+    """
+
+    file: str
+    table: str
+    key: str
+    value: str
+    allowed: str
+    hint: str
+
+    def __str__(self) -> str:
+        where = " ".join(part for part in (self.table, self.key) if part)
+        return (
+            f"{self.file}: {where}\n"
+            f"  found:   {self.value}\n"
+            f"  allowed: {self.allowed}\n"
+            f"  hint: {self.hint}"
+        )
+
+
+class CaseError(ResilienceError):
+    """A case file with mistakes. `problems` lists every one of them."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems: tuple[Problem, ...] = tuple(dict.fromkeys(problems))
+        count = len(self.problems)
+        super().__init__("1 mistake in the case" if count == 1 else f"{count} mistakes in the case")
+        self.args = (self.problems,)
+
+    def __str__(self) -> str:
+        return "\n\n".join([f"{self.message}:", *map(str, self.problems)])

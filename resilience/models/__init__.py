@@ -1,0 +1,1 @@
+"""The declarative model of a microgrid, and its compilation for solvers."""

@@ -1,0 +1,185 @@
+"""Rewrites structures as rows and binaries, for solvers that know nothing else.
+
+split     pos <= limit_0 b, neg <= limit_1 (1 - b), b binary
+adjacent  w_k <= b_(k-1) + b_k, sum b = 1, b binary
+disc      polygon with `SIDES` sides, around the disc (a relaxation) or within it (a restriction)
+cone      left out (a relaxation); rows that touch it can be added with `tangents`
+largest   left to the rows y >= x (exact: a smaller y is never worse; see `referee.settle`)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.models.algebra import Floats, Ints
+from resilience.models.standard import Standard, Unrolled, Vectors
+
+SIDES = 12
+Discs = Literal["inner", "outer"]
+Bools = np.ndarray
+
+
+@dataclass
+class Lowered:
+    """A mixed-integer linear problem whose first columns are those of the problem lowered.
+
+    Rows behind the problem's own, and binaries behind its columns, have constant bounds.
+    """
+
+    problem: Standard
+    a: sp.csr_array
+    integer: Bools
+    rhs: Floats
+    equality: Bools
+    disc_rows: Ints
+    discs: Discs = "inner"
+
+    def vectors(self, vectors: Vectors) -> Vectors:
+        """The problem's vectors with those of the added rows and columns behind them."""
+        extra = self.a.shape[1] - len(vectors.cost)
+        rhs = self.rhs.copy()
+        if self.discs == "inner":
+            rhs[self.disc_rows] *= np.cos(np.pi / SIDES)
+        return Vectors(
+            np.append(vectors.cost, np.zeros(extra)),
+            vectors.offset,
+            np.append(vectors.lower, np.zeros(extra)),
+            np.append(vectors.upper, np.ones(extra)),
+            np.append(vectors.row_lower, np.where(self.equality, rhs, -np.inf)),
+            np.append(vectors.row_upper, rhs),
+        )
+
+
+@dataclass
+class _Rows:
+    """Grows row by row; columns past `n` are new binaries."""
+
+    n: int
+    blocks: list[sp.csr_array]
+    rhs: list[Floats]
+    equality: list[Bools]
+
+    def add(self, block: sp.sparray, rhs: Floats, equality: bool = False) -> Ints:
+        start = sum(len(r) for r in self.rhs)
+        self.blocks.append(block.tocsr())
+        self.rhs.append(rhs)
+        self.equality.append(np.full(len(rhs), equality))
+        return start + np.arange(len(rhs))
+
+    def matrix(self) -> sp.csr_array:
+        for block in self.blocks:
+            block.resize(block.shape[0], self.n)
+        return sp.vstack(self.blocks, format="csr")
+
+
+def lower(
+    problem: Standard,
+    *,
+    integer: Bools | None = None,
+    exact: dict[int, Bools] | None = None,
+    discs: Discs = "inner",
+) -> Lowered:
+    """See the module's docstring.
+
+    Args:
+        problem: what to rewrite.
+        integer: (columns,) columns to hold integer; all of the problem's own if omitted.
+        exact: for the index of each split or adjacent structure, which elements (n,) get
+            binaries; all elements of all of them if omitted.
+        discs: polygon within the disc or around it.
+    """
+    if exact is None:
+        exact = {k: np.ones(s.n, bool) for k, s in enumerate(problem.structures)}
+    rows = _Rows(problem.n_columns, [problem.a.copy()], [], [])
+    disc_rows = [np.empty(0, np.intp)]
+    for k, structure in enumerate(problem.structures):
+        if structure.kind == "disc":
+            disc_rows.append(_polygon(rows, structure))
+        elif structure.kind in ("split", "adjacent"):
+            chosen = np.flatnonzero(exact.get(k, np.zeros(structure.n, bool)))
+            if len(chosen):
+                (_sides if structure.kind == "split" else _neighbours)(rows, structure, chosen)
+    whole = np.zeros(rows.n, bool)
+    whole[: problem.n_columns] = problem.integer if integer is None else integer
+    whole[problem.n_columns :] = True
+    return Lowered(
+        problem=problem,
+        a=rows.matrix(),
+        integer=whole,
+        rhs=np.concatenate([np.empty(0), *rows.rhs]),
+        equality=np.concatenate([np.empty(0, bool), *rows.equality]),
+        disc_rows=np.concatenate(disc_rows),
+        discs=discs,
+    )
+
+
+def _entries(columns: list[Ints], values: list[Floats], width: int) -> sp.csr_array:
+    m = len(columns[0])
+    rows = np.tile(np.arange(m), len(columns))
+    data = np.concatenate([np.broadcast_to(v, (m,)) for v in values])
+    return sp.csr_array((data, (rows, np.concatenate(columns))), shape=(m, width))
+
+
+def _sides(rows: _Rows, split: Unrolled, chosen: Ints) -> None:
+    pos, neg = split.columns[:, chosen]
+    up, down = (limit[chosen] for limit in split.limits)
+    b = rows.n + np.arange(len(chosen))
+    rows.n += len(chosen)
+    one, zero = np.ones(len(chosen)), np.zeros(len(chosen))
+    rows.add(_entries([pos, b], [one, -up], rows.n), zero)
+    rows.add(_entries([neg, b], [one, down], rows.n), down)
+
+
+def _neighbours(rows: _Rows, adjacent: Unrolled, chosen: Ints) -> None:
+    weights = adjacent.columns[:, chosen]
+    m, one = len(chosen), np.ones(len(chosen))
+    segments = [rows.n + i * m + np.arange(m) for i in range(len(weights) - 1)]
+    rows.n += m * len(segments)
+    rows.add(_entries(segments, [one] * len(segments), rows.n), one, equality=True)
+    for i, weight in enumerate(weights):
+        around = segments[max(i - 1, 0) : i + 1]
+        values = [one] + [-one] * len(around)
+        rows.add(_entries([weight, *around], values, rows.n), np.zeros(m))
+
+
+def _polygon(rows: _Rows, disc: Unrolled) -> Ints:
+    (first, second), radius = disc.matrices, disc.limits[0]
+    found = []
+    for angle in 2 * np.pi * np.arange(SIDES) / SIDES:
+        normal = np.cos(angle), np.sin(angle)
+        block = first * normal[0] + second * normal[1]
+        found.append(rows.add(block, radius))
+    return np.concatenate(found)
+
+
+def tangents(problem: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:
+    """Rows G z <= h that every cone u v >= sum(x^2) satisfies, touching it nearest to z.
+
+    |(2 x, u - v)| <= u + v is linearised at z; elements that hold with room to spare
+    (u v - sum x^2 > tolerance times its scale) are left out.
+    """
+    blocks, sides = [sp.csr_array((0, problem.n_columns))], [np.empty(0)]
+    for cone in problem.structures:
+        if cone.kind != "cone":
+            continue
+        u, v, *xs = cone.values(z)
+        square = sum(x**2 for x in xs)
+        near = (u * v - square) <= tolerance * (1.0 + square)
+        sides_of = [2.0 * x for x in xs] + [u - v]
+        length = np.sqrt(sum(s**2 for s in sides_of))
+        keep = np.flatnonzero(near & (length > 1e-9))
+        scaled = [s[keep] / length[keep] for s in sides_of]
+        mu, mv, *mxs = (m[keep] for m in cone.matrices)
+        cu, cv, *cxs = (c[keep] for c in cone.consts)
+        block = mu.multiply((scaled[-1] - 1)[:, None]) - mv.multiply((scaled[-1] + 1)[:, None])
+        rhs = -(scaled[-1] - 1) * cu + (scaled[-1] + 1) * cv
+        for s, mx, cx in zip(scaled, mxs, cxs, strict=False):
+            block = block + mx.multiply(2.0 * s[:, None])
+            rhs = rhs - 2.0 * s * cx
+        blocks.append(block.tocsr())
+        sides.append(rhs)
+    return sp.vstack(blocks, format="csr"), np.concatenate(sides)

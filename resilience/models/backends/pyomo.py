@@ -1,0 +1,256 @@
+"""Pyomo: the readable and exportable form, the oracle of the others, and the way to SCIP."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.errors import UsageError
+from resilience.models.algebra import Floats
+from resilience.models.backends.base import NOTHING, Solution, leaf_rows
+from resilience.models.backends.lower import lower
+from resilience.models.standard import Standard, Unrolled, Vectors
+
+Cones = Literal["equal", "relaxed"]
+FORMATS = {".lp": "lp", ".mps": "mps", ".nl": "nl"}
+
+
+class Pyomo:
+    """Holds everything exactly with SCIP; with HiGHS, discs are polygons and cones not allowed.
+
+    Variables are called after the model, `ess_charge[ess2,14:30]`, and so are constraints.
+
+    Args:
+        problem: the problem.
+        solver: 'highs' (persistent) or 'scip'.
+        cones: 'relaxed' holds u v >= sum(x^2) only, which is convex.
+        time_limit: seconds per solve.
+        gap: relative gap at which a solve stops.
+    """
+
+    exact = frozenset({"affine", "integer", "split", "cone", "disc", "adjacent", "largest"})
+
+    def __init__(
+        self,
+        problem: Standard,
+        *,
+        solver: Literal["highs", "scip"] = "highs",
+        cones: Cones = "equal",
+        time_limit: float = np.inf,
+        gap: float = 1e-6,
+    ) -> None:
+        self.problem, self.solver, self.cones = problem, solver, cones
+        self.time_limit, self.gap = time_limit, gap
+        if solver == "highs" and any(s.kind == "cone" for s in problem.structures):
+            raise UsageError(
+                "pyomo with HiGHS cannot hold the cones of distflow; allowed: lindistflow, "
+                "copperplate",
+                hint="use solver='scip'",
+            )
+        self.lowered = lower(problem)
+        self.model: Any = None
+        self._persistent: Any = None
+
+    def update(self, vectors: Vectors) -> None:
+        """Takes new numbers; the model is built at the first call."""
+        v = self.lowered.vectors(vectors)
+        self.vectors = vectors
+        if self.model is None:
+            self._build(v)
+        for i, var in enumerate(self._vars):
+            var.setlb(v.lower[i] if np.isfinite(v.lower[i]) else None)
+            var.setub(v.upper[i] if np.isfinite(v.upper[i]) else None)
+        for j, i in enumerate(self._kept):
+            self.model.rhs[j] = v.row_upper[i]
+        for i in self._priced:
+            self.model.price[i] = v.cost[i]
+        self.model.offset = v.offset
+
+    def _build(self, v: Vectors) -> None:
+        import pyomo.environ as pyo
+
+        self.model = model = pyo.ConcreteModel("resilience")
+        self._vars = self._columns(pyo)
+        quadratic = self.solver == "scip"
+        drop = set(len(self.problem.a.indptr) - 1 + self.lowered.disc_rows) if quadratic else set()
+        self._kept = [i for i in range(self.lowered.a.shape[0]) if i not in drop]
+        model.rhs = pyo.Param(range(len(self._kept)), mutable=True, initialize=0.0)
+        self._constraints(pyo)
+        self._priced = self._price_able(v)
+        model.price = pyo.Param(self._priced, mutable=True, initialize=0.0)
+        model.offset = pyo.Param(mutable=True, initialize=0.0)
+        spent = sum(model.price[i] * self._vars[i] for i in self._priced)
+        model.cost = pyo.Objective(expr=spent + model.offset)
+        if quadratic:
+            self._quadratics(pyo)
+
+    def _price_able(self, v: Vectors) -> list[int]:
+        found = set(np.flatnonzero(v.cost).tolist())
+        for form, table in zip(self.problem.forms, self.problem.tables, strict=True):
+            for term in form.costs:
+                where = np.flatnonzero(np.diff(term.columns_data.indptr))
+                found |= set(table[:, where].ravel().tolist())
+        return sorted(found)
+
+    def _columns(self, pyo: Any) -> list[Any]:
+        problem, model, slots = self.problem, self.model, list(self.problem.tree.labels)
+        found: list[Any] = [None] * self.lowered.a.shape[1]
+        for name, at in problem.initial.items():
+            var = pyo.Var(list(problem.labels(name)), domain=pyo.Reals)
+            model.add_component(_plain(name) + "_start", var)
+            for label, j in zip(problem.labels(name), at, strict=True):
+                found[j] = var[label]
+        model.future = pyo.Var(range(len(problem.future)), domain=pyo.Reals)
+        for k, j in enumerate(problem.future):
+            found[j] = model.future[k]
+        for name in problem.names:
+            index = problem.columns(name)
+            domain = pyo.Binary if problem.integer[index[0, 0]] else pyo.Reals
+            var = pyo.Var(list(problem.labels(name)), slots, domain=domain)
+            model.add_component(_plain(name), var)
+            for label, row in zip(problem.labels(name), index, strict=True):
+                for slot, j in zip(slots, row, strict=True):
+                    found[j] = var[label, slot]
+        added = range(problem.n_columns, len(found))
+        model.mode = pyo.Var(added, domain=pyo.Binary)
+        for j in added:
+            found[j] = model.mode[j]
+        return found
+
+    def _constraints(self, pyo: Any) -> None:
+        from pyomo.core.expr import LinearExpression
+
+        a, model = self.lowered.a.tocsr(), self.model
+        equality = np.concatenate([self.problem.equality, self.lowered.equality])
+        blocks: dict[str, dict[str, Any]] = {}
+        for j, i in enumerate(self._kept):
+            at = slice(a.indptr[i], a.indptr[i + 1])
+            body = LinearExpression(
+                linear_coefs=a.data[at].tolist(), linear_vars=[self._vars[k] for k in a.indices[at]]
+            )
+            rhs = model.rhs[j]
+            name, _, index = self._row_name(i).partition("[")
+            blocks.setdefault(name, {})[index.rstrip("]")] = (
+                body == rhs if equality[i] else body <= rhs
+            )
+        for name, bodies in blocks.items():
+            rows = pyo.Constraint(list(bodies), rule=lambda _, k, b=bodies: b[k])
+            model.add_component("row_" + _plain(name), rows)
+
+    def _row_name(self, i: int) -> str:
+        n = self.problem.n_rows
+        return self.problem.row_name(i) if i < n else f"lowered[{i - n}]"
+
+    def _quadratics(self, pyo: Any) -> None:
+        for k, structure in enumerate(self.problem.structures):
+            if structure.kind not in ("cone", "disc"):
+                continue
+            rows = pyo.ConstraintList()
+            self.model.add_component(f"{structure.kind}{k}_{_plain(structure.name)}", rows)
+            args = [self._expressions(structure, m) for m in range(len(structure.matrices))]
+            for i in range(structure.n):
+                each = [arg[i] for arg in args]
+                if structure.kind == "disc":
+                    rows.add(sum(x**2 for x in each) <= structure.limits[0][i] ** 2)
+                elif self.cones == "equal":
+                    rows.add(each[0] * each[1] == sum(x**2 for x in each[2:]))
+                else:
+                    rows.add(sum(x**2 for x in each[2:]) <= each[0] * each[1])
+
+    def _expressions(self, structure: Unrolled, k: int) -> list[Any]:
+        m: sp.csr_array = structure.matrices[k]
+        found = []
+        for i in range(structure.n):
+            at = slice(m.indptr[i], m.indptr[i + 1])
+            terms = zip(m.data[at], m.indices[at], strict=True)
+            found.append(sum(w * self._vars[j] for w, j in terms) + structure.consts[k][i])
+        return found
+
+    def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
+        """See `Backend.add_cuts`."""
+        import pyomo.environ as pyo
+
+        future = int(self.problem.future[np.searchsorted(self.problem.tree.leaves, node)])
+        names = [b.name for _, b in self.problem.forms[0].stage.states]
+        states = np.concatenate([self.problem.columns(name)[:, node] for name in names])
+        columns, values = leaf_rows(states, future, beta)
+        if not hasattr(self.model, "cuts"):
+            self.model.cuts = pyo.ConstraintList()
+        self._vars[future].setlb(None)
+        self._vars[future].setub(None)
+        for rhs, row in zip(-alpha, values, strict=True):
+            terms = zip(row, columns, strict=True)
+            self.model.cuts.add(sum(w * self._vars[j] for w, j in terms) <= rhs)
+
+    def write(self, path: Path) -> None:
+        """Writes the model; the suffix chooses LP, MPS or NL.
+
+        Raises:
+            UsageError: another suffix.
+        """
+        if path.suffix not in FORMATS:
+            raise UsageError(
+                f"cannot export to {path.name!r}; allowed suffixes: {', '.join(FORMATS)}",
+                hint="LP is the readable one",
+            )
+        options = {} if path.suffix == ".nl" else {"symbolic_solver_labels": True}
+        self.model.write(str(path), format=FORMATS[path.suffix], io_options=options)
+
+    def solve(self) -> Solution:
+        """Solves with HiGHS or SCIP."""
+        return self._highs() if self.solver == "highs" else self._scip()
+
+    def _highs(self) -> Solution:
+        from pyomo.contrib.appsi.base import TerminationCondition as End
+        from pyomo.contrib.appsi.solvers import Highs
+
+        if self._persistent is None:
+            self._persistent = Highs()
+            self._persistent.config.load_solution = False
+        solver = self._persistent
+        solver.config.mip_gap = self.gap
+        solver.config.time_limit = None if np.isinf(self.time_limit) else self.time_limit
+        answer = solver.solve(self.model)
+        ended = answer.termination_condition
+        if ended in (End.infeasible, End.infeasibleOrUnbounded):
+            return Solution("infeasible", None, np.inf, np.inf)
+        if answer.best_feasible_objective is None:
+            return NOTHING
+        answer.solution_loader.load_vars()
+        return self._read(ended == End.optimal, answer.best_objective_bound)
+
+    def _scip(self) -> Solution:
+        from pyomo.contrib.solver.common.factory import SolverFactory
+        from pyomo.contrib.solver.common.results import TerminationCondition as End
+
+        options: dict[str, Any] = {
+            "load_solutions": False,
+            "raise_exception_on_nonoptimal_result": False,
+            "rel_gap": self.gap,
+        }
+        if np.isfinite(self.time_limit):
+            options["time_limit"] = self.time_limit
+        answer = SolverFactory("scip_direct").solve(self.model, **options)
+        if answer.termination_condition == End.provenInfeasible:
+            return Solution("infeasible", None, np.inf, np.inf)
+        if answer.incumbent_objective is None:
+            return NOTHING
+        answer.solution_loader.load_vars()
+        done = answer.termination_condition == End.convergenceCriteriaSatisfied
+        return self._read(done, answer.objective_bound)
+
+    def _read(self, done: bool, bound: float | None) -> Solution:
+        n = self.problem.n_columns
+        z = np.array([0.0 if x.value is None else x.value for x in self._vars[:n]])
+        v = self.vectors
+        value = float(v.cost @ z + v.offset)
+        return Solution(
+            "optimal" if done else "feasible", z, value, -np.inf if bound is None else bound
+        )
+
+
+def _plain(name: str) -> str:
+    return name.replace(".", "_").replace("-", "_")

@@ -1,0 +1,65 @@
+"""Lower bounds that hold whatever a solver's tolerances (Neumaier & Shcherbina 2004).
+
+For any multipliers y (non-negative on <= rows) and any lambda in the second-order cone,
+
+    min over the box  of  c'z + y'(A z - b) - sum_k lambda_k'(G_k z + g_k)
+
+is at most the optimum. The minimum over a box is a sum of one term per column, so the bound is
+evaluated, not solved; errors of the solver cost a little sharpness, never validity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.models.algebra import Floats
+from resilience.models.standard import Standard, Unrolled, Vectors
+
+
+def safe_bound(
+    a: sp.csr_array,
+    v: Vectors,
+    row_lower: Floats,
+    row_upper: Floats,
+    rows: Floats,
+    slope: Floats | None = None,
+    offset: float = 0.0,
+) -> float:
+    """The bound in $ from multipliers `rows`; `slope` and `offset` add the cones' share.
+
+    Multipliers of inequality rows with the wrong sign are set to zero.
+    """
+    y = np.where(np.isneginf(row_lower), np.maximum(rows, 0.0), rows)
+    y = np.where(np.isposinf(row_upper), np.minimum(y, 0.0), y)
+    sides = np.where(y > 0, row_upper, row_lower)
+    worth = float(y[y != 0] @ sides[y != 0])
+    d = v.cost + a.T @ y
+    if slope is not None:
+        d = d - slope
+    with np.errstate(invalid="ignore"):
+        least = np.minimum(d * v.lower, d * v.upper)
+    return float(v.offset + np.where(d == 0, 0.0, least).sum() - worth - offset)
+
+
+def cone_rows(structure: Unrolled) -> tuple[list[sp.csr_array], list[Floats]]:
+    """(t, x1, x2, ...) with |x| <= t, as matrices and constants, for a cone or a disc."""
+    if structure.kind == "disc":
+        n = structure.matrices[0].shape
+        return [sp.csr_array(n), *structure.matrices], [structure.limits[0], *structure.consts]
+    (mu, mv, *mxs), (cu, cv, *cxs) = structure.matrices, structure.consts
+    matrices = [mu + mv, *[2.0 * m for m in mxs], mu - mv]
+    return matrices, [cu + cv, *[2.0 * c for c in cxs], cu - cv]
+
+
+def conic_bound(problem: Standard, v: Vectors, rows: Floats, cones: dict[int, Floats]) -> float:
+    """`safe_bound` with second-order multipliers (k + 1, n) per structure, moved into the cone."""
+    slope, offset = np.zeros(problem.n_columns), 0.0
+    for k, multipliers in cones.items():
+        matrices, consts = cone_rows(problem.structures[k])
+        moved = multipliers.copy()
+        moved[0] = np.maximum(moved[0], np.linalg.norm(moved[1:], axis=0))
+        for m, c, y in zip(matrices, consts, moved, strict=True):
+            slope += m.T @ y
+            offset += float(c @ y)
+    return safe_bound(problem.a, v, v.row_lower, v.row_upper, rows, slope, offset)

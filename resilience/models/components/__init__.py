@@ -1,0 +1,24 @@
+"""Device physics, and the only place for it: one file per component, equations at its top."""
+
+from resilience.models.components.base import Component, Injection
+from resilience.models.components.bus import Buses
+from resilience.models.components.ess import ESS
+from resilience.models.components.generator import Generators
+from resilience.models.components.grid import Grids
+from resilience.models.components.line import Lines
+from resilience.models.components.load import Loads
+from resilience.models.components.pv import PV
+from resilience.models.components.topology import Topology
+
+__all__ = [
+    "ESS",
+    "PV",
+    "Buses",
+    "Component",
+    "Generators",
+    "Grids",
+    "Injection",
+    "Lines",
+    "Loads",
+    "Topology",
+]

@@ -1,0 +1,57 @@
+"""What every component is: equations for a stage, data for its nodes, states at the start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from resilience.models.algebra import Affine, Floats, Ints, Labels, scatter
+from resilience.models.situation import Situation
+from resilience.models.stage import Stage
+
+
+@dataclass(frozen=True)
+class Injection:
+    """Power that a component feeds into its buses: p in MW, q in Mvar, one entry per bus index.
+
+    `q` is None where the stage carries no reactive power.
+    """
+
+    p: Affine
+    q: Affine | None
+    bus: Ints
+
+
+class Component(Protocol):
+    """A fleet of like devices."""
+
+    def emit(self, stage: Stage) -> Injection | None:
+        """Declares variables, rows, structures and costs; returns what it feeds in."""
+
+    def data(self, situation: Situation) -> dict[str, Floats]:
+        """Every datum it declared, arrays (devices, nodes)."""
+
+    def start(self) -> dict[str, Floats]:
+        """Its states at the start, arrays (devices,)."""
+
+
+def inverter(stage: Stage, name: str, p: Affine, s_mva: Floats, rated: Ints) -> Affine | None:
+    r"""Reactive power of inverters, $\sqrt{p^2 + q^2} \le s$; units without a rating keep q = 0.
+
+    Args:
+        stage: where to emit; without reactive power nothing is emitted.
+        name: the component's name; the data `name.q_max` bounds q (zero in a dead island).
+        p: active power (devices,), in MW.
+        s_mva: apparent power ratings of the devices `rated`.
+        rated: indices of the devices that have a rating.
+    """
+    if not stage.reactive:
+        return None
+    labels: Labels = p.labels or ()
+    if not len(rated):
+        return Affine.constant(0.0, p.n)
+    of = [labels[i] for i in rated]
+    limit = stage.data(f"{name}.q_max", of, unit="Mvar", about="reactive power limit")
+    q = stage.var(f"{name}.q", of, -limit, limit, unit="Mvar", about="reactive power fed in")
+    stage.disc(f"{name}.rating", s_mva, p[rated], q)
+    return scatter(q, rated, p.n, labels)

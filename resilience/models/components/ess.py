@@ -1,0 +1,104 @@
+r"""Energy storage (paper eqs. 2-4 and the first term of eq. 11).
+
+$$ e' = e + \Delta t \left(\eta^\text{ch} p^\text{ch} - p^\text{dis} / \eta^\text{dis}\right),
+\qquad \underline{s} E \le e' \le \overline{s} E, \qquad p^\text{ch} p^\text{dis} = 0 $$
+
+$$ p = p^\text{dis} - p^\text{ch}, \qquad p^2 + q^2 \le S^2, \qquad
+C = \Delta t \sum \lambda p^\text{dis} $$
+
+The paper's $\delta^\text{ch}$ is $\eta^\text{ch}$ and its $\delta^\text{dis}$ is
+$1/\eta^\text{dis}$; its $P^\text{ESS}$ is $-p$, positive when charging.
+
+| symbol | name | unit |
+|---|---|---|
+| $e, e'$ | `ess.energy` at the start and end of the step | MWh |
+| $E$ | `e_mwh` | MWh |
+| $\underline{s}, \overline{s}$ | `soc_min`, `soc_max` | 1 |
+| $p^\text{ch}$ | `ess.charge`, up to `p_max_mw` | MW |
+| $p^\text{dis}$ | `ess.discharge`, up to `-p_min_mw` | MW |
+| $q$ | `ess.q`, only with an inverter rating `s_mva` | Mvar |
+| $\eta^\text{ch}, \eta^\text{dis}$ | `efficiency_charge`, `efficiency_discharge` | 1 |
+| $\lambda$ | `degradation_cost_per_mwh` | $/MWh |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.components.base import Injection, inverter
+from resilience.models.situation import Situation
+from resilience.models.stage import Stage
+
+if TYPE_CHECKING:
+    from resilience.case.schema import ESSTable
+
+
+@dataclass(frozen=True)
+class ESS:
+    """All storage units; `bus` are indices (units,)."""
+
+    tables: Sequence[ESSTable]
+    bus: Ints
+
+    @property
+    def names(self) -> Labels:
+        """Names in the order of all arrays."""
+        return tuple(t.name for t in self.tables)
+
+    @property
+    def rated(self) -> Ints:
+        """Units whose inverter has a rating."""
+        return np.flatnonzero([t.s_mva is not None for t in self.tables])
+
+    @property
+    def s_mva(self) -> Floats:
+        """Ratings of the rated units, in MVA."""
+        return np.array([self.tables[i].s_mva for i in self.rated], float)
+
+    def _array(self, key: str) -> Floats:
+        return np.array([getattr(t, key) for t in self.tables], float)
+
+    def emit(self, stage: Stage) -> Injection:
+        """Discharge less charge; the energy is the state."""
+        size = self._array("e_mwh")
+        now, after = stage.state(
+            "ess.energy",
+            self.names,
+            size * self._array("soc_min"),
+            size * self._array("soc_max"),
+            unit="MWh",
+            about="stored energy",
+        )
+        most = [
+            stage.data(f"ess.{way}_max", self.names, about=f"{way} limit")
+            for way in ("charge", "discharge")
+        ]
+        limits = self._array("p_max_mw"), -self._array("p_min_mw")
+        charge, discharge = stage.split(
+            "ess", self.names, (most[0], most[1]), limits, parts=("charge", "discharge")
+        )
+        gain = charge * self._array("efficiency_charge")
+        drain = discharge * (1.0 / self._array("efficiency_discharge"))
+        stage.eq("ess.dynamics", after, now + (gain - drain) * stage.dt)
+        price = self._array("degradation_cost_per_mwh")
+        stage.cost("ess.degradation", discharge, price * stage.dt)
+        p = discharge - charge
+        return Injection(p, inverter(stage, "ess", p, self.s_mva, self.rated), self.bus)
+
+    def data(self, situation: Situation) -> dict[str, Floats]:
+        """Power limits, zero in a dead island."""
+        alive = situation.alive_at(self.bus)
+        return {
+            "ess.charge_max": self._array("p_max_mw")[:, None] * alive,
+            "ess.discharge_max": -self._array("p_min_mw")[:, None] * alive,
+            "ess.q_max": self.s_mva[:, None] * alive[self.rated],
+        }
+
+    def start(self) -> dict[str, Floats]:
+        """Stored energy at the start, in MWh."""
+        return {"ess.energy": self._array("e_mwh") * self._array("soc_initial")}

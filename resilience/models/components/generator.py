@@ -1,0 +1,215 @@
+r"""Diesel generators (paper eq. 5 and the second term of eq. 11), with commitment where needed.
+
+$$ \underline{P} u \le p \le \overline{P} u, \qquad u - u^- = y - w, \qquad y \le u, \qquad
+y \le 1 - u^- $$
+
+$$ C = \Delta t \left(c\, p + c^0 u\right) + c^\text{start} y, \qquad
+\text{or } C = \Delta t\, f(p) \text{ with a piecewise-linear } f $$
+
+Ramps scale with the step; a start may reach the minimum power, a stop may leave from it:
+
+$$ p - p^- \le R^\uparrow \Delta t + \underline{P} y, \qquad
+p^- - p \le R^\downarrow \Delta t + \max(\underline{P}, R^\downarrow \Delta t)\, w $$
+
+Minimum up and down times are hours still to wait, a state:
+
+$$ r' = \max\{r - \Delta t,\ (T^\uparrow - \Delta t)\, y,\ 0\}, \qquad r \le T^\uparrow u $$
+
+and alike for standing still with $w$ and $1 - u$. A unit in a dead island stands still, whatever
+it was doing. Without minimum power, no-load cost, start cost and minimum times there is no binary.
+
+| symbol | name | unit |
+|---|---|---|
+| $p, p^-$ | `generator.p` now and in the step before | MW |
+| $q$ | `generator.q` between `q_min_mvar` and `q_max_mvar` | Mvar |
+| $u, u^-$ | `generator.on`, running, and in the step before | 1 |
+| $y, w$ | `generator.start`, `generator.stop` | 1 |
+| $r$ | `generator.up_left`, `generator.down_left` | h |
+| $R^\uparrow, R^\downarrow$ | `ramp_up_mw_per_h`, `ramp_down_mw_per_h` | MW/h |
+| $T^\uparrow, T^\downarrow$ | `min_up_h`, `min_down_h` | h |
+| $c, c^0, c^\text{start}$ | `cost_per_mwh`, `no_load_cost_per_h`, `start_cost` | $/MWh, $/h, $ |
+| $f$ | `cost_curve` | $/h |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Affine, Floats, Ints, Labels, scatter
+from resilience.models.components.base import Injection
+from resilience.models.situation import Situation
+from resilience.models.stage import Stage
+
+if TYPE_CHECKING:
+    from resilience.case.schema import GeneratorTable
+
+
+@dataclass(frozen=True)
+class Generators:
+    """All generators; `bus` are indices (units,)."""
+
+    tables: Sequence[GeneratorTable]
+    bus: Ints
+
+    @property
+    def names(self) -> Labels:
+        """Names in the order of all arrays."""
+        return tuple(t.name for t in self.tables)
+
+    def _array(self, key: str, of: Ints | None = None) -> Floats:
+        tables = self.tables if of is None else [self.tables[i] for i in of]
+        return np.array([getattr(t, key) for t in tables], float)
+
+    def _where(self, *keys: str) -> Ints:
+        return np.flatnonzero([any(getattr(t, k) for k in keys) for t in self.tables])
+
+    @cached_property
+    def committed(self) -> Ints:
+        """Units that need an on/off decision."""
+        return self._where("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
+
+    @cached_property
+    def ramped(self) -> Ints:
+        """Units with a ramp limit."""
+        limited = [t.ramp_up_mw_per_h is not None or t.ramp_down_mw_per_h is not None
+                   for t in self.tables]  # fmt: skip
+        return np.flatnonzero(limited)
+
+    def emit(self, stage: Stage) -> Injection:
+        """Power between the limits, at its cost."""
+        most = stage.data("generator.p_max", self.names, about="power limit")
+        p = stage.var("generator.p", self.names, 0.0, most, about="power fed in")
+        straight = np.flatnonzero([t.cost_curve is None for t in self.tables])
+        price = self._array("cost_per_mwh", straight)
+        stage.cost("generator.energy", p[straight], price * stage.dt)
+        q = self._reactive(stage)
+        if len(self.committed):
+            self._commitment(stage, p, q)
+        self._curves(stage, p)
+        if len(self.ramped):
+            self._ramps(stage, p)
+        return Injection(p, q, self.bus)
+
+    def _curves(self, stage: Stage, p: Affine) -> None:
+        for i, table in enumerate(self.tables):
+            if table.cost_curve is not None:
+                points = np.asarray(table.cost_curve, float).T
+                name = f"generator.curve.{table.name}"
+                at = np.flatnonzero(self.committed == i)
+                total = stage["generator.on"][at] if len(at) else 1.0
+                spent = stage.piecewise(name, p[[i]], points[:1], points[1:], "$/h", total)
+                stage.cost("generator.energy", spent, stage.dt)
+
+    def _reactive(self, stage: Stage) -> Affine | None:
+        if not stage.reactive:
+            return None
+        limits = [
+            stage.data(f"generator.q_{side}", self.names, unit="Mvar", about="reactive limit")
+            for side in ("min", "max")
+        ]
+        return stage.var("generator.q", self.names, *limits, unit="Mvar", about="reactive power")
+
+    def _commitment(self, stage: Stage, p: Affine, q: Affine | None) -> None:
+        units = self.committed
+        of = [self.names[i] for i in units]
+        alive = stage.data("generator.alive", of, unit="1", about="whether its island is alive")
+        was, on = stage.state(
+            "generator.on", of, 0.0, alive, unit="1", about="running", integer=True
+        )
+        start = stage.var("generator.start", of, 0.0, 1.0, unit="1", about="starts")
+        stop = stage.var("generator.stop", of, 0.0, 1.0, unit="1", about="stops")
+        low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
+        stage.le("generator.p_upper", p[units], on * high)
+        stage.le("generator.p_lower", on * low, p[units])
+        if q is not None:
+            stage.le("generator.q_upper", q[units], on * self._array("q_max_mvar", units))
+            stage.le("generator.q_lower", on * self._array("q_min_mvar", units), q[units])
+        stage.eq("generator.transition", on - was, start - stop)
+        stage.le("generator.start_on", start, on)
+        stage.le("generator.start_off", start, 1.0 - was)
+        stage.cost("generator.no_load", on, self._array("no_load_cost_per_h", units) * stage.dt)
+        stage.cost("generator.start", start, self._array("start_cost", units))
+        running = {"up": (on, start), "down": (1.0 - on, stop)}
+        for way, (while_, begin) in running.items():
+            self._minimum_time(stage, way, while_, begin, alive)
+
+    def _minimum_time(
+        self, stage: Stage, way: str, while_: Affine, begin: Affine, alive: Affine
+    ) -> None:
+        units = self._timed(way)
+        if not len(units):
+            return
+        at = np.searchsorted(self.committed, units)
+        hours = self._array(f"min_{way}_h", units)
+        name = f"generator.{way}_left"
+        now, after = stage.state(
+            name, [self.names[i] for i in units], 0.0, hours, unit="h",
+            about=f"hours still to stay {'on' if way == 'up' else 'off'}",
+        )  # fmt: skip
+        waived = (1.0 - alive[at]) * hours if way == "up" else Affine.constant(0.0, len(units))
+        stage.le(f"generator.min_{way}", now, while_[at] * hours + waived)
+        pace = begin[at] * np.maximum(hours - stage.dt, 0.0)
+        stage.largest(name, after, now - stage.dt, pace, Affine.constant(0.0, len(units)))
+
+    def _timed(self, way: str) -> Ints:
+        return self._where(f"min_{way}_h")
+
+    def _ramps(self, stage: Stage, p: Affine) -> None:
+        units, dt = self.ramped, stage.dt
+        of = [self.names[i] for i in units]
+        before, after = stage.state(
+            "generator.p_before", of, 0.0, self._array("p_max_mw", units), unit="MW",
+            about="power in the step before",
+        )  # fmt: skip
+        stage.eq("generator.remember", after, p[units])
+        limits = [
+            np.nan_to_num(self._array(f"ramp_{way}_mw_per_h", units), nan=np.inf) * dt
+            for way in ("up", "down")
+        ]
+        low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
+        up, down = (np.minimum(limit, high) for limit in limits)
+        lost = stage.data("generator.lost", of, unit="MW", about="power lost to a dead island")
+        start, stop = self._starts(stage, units)
+        stage.le("generator.ramp_up", p[units] - before, start * low + up)
+        stage.le(
+            "generator.ramp_down", before - p[units], stop * np.maximum(low, down) + down + lost
+        )
+
+    def _starts(self, stage: Stage, units: Ints) -> tuple[Affine, Affine]:
+        if not len(self.committed):
+            zero = Affine.constant(0.0, len(units))
+            return zero, zero
+        spread = [
+            scatter(stage[f"generator.{word}"], self.committed, len(self.tables))
+            for word in ("start", "stop")
+        ]
+        return spread[0][units], spread[1][units]
+
+    def data(self, situation: Situation) -> dict[str, Floats]:
+        """Limits, zero in a dead island, and what a dead island takes away."""
+        alive = situation.alive_at(self.bus)
+        most = self._array("p_max_mw")[:, None]
+        return {
+            "generator.p_max": most * alive,
+            "generator.q_min": self._array("q_min_mvar")[:, None] * alive,
+            "generator.q_max": self._array("q_max_mvar")[:, None] * alive,
+            "generator.alive": alive[self.committed],
+            "generator.lost": (most * (1.0 - alive))[self.ramped],
+        }
+
+    def start(self) -> dict[str, Floats]:
+        """Running or not, hours still to wait, and power in the step before."""
+        on, hours = self._array("initial_on"), self._array("initial_hours")
+        found = {
+            "generator.on": on[self.committed],
+            "generator.p_before": (self._array("p_initial_mw") * on)[self.ramped],
+        }
+        for way, ours in (("up", on), ("down", 1.0 - on)):
+            left = np.maximum(self._array(f"min_{way}_h") - hours, 0.0) * ours
+            found[f"generator.{way}_left"] = left[self._timed(way)]
+        return found

@@ -1,0 +1,78 @@
+r"""Radial operation while lines may be switched.
+
+Every live bus hangs on exactly one tree whose root is a grid-forming bus. With a virtual root that
+may feed any forming bus, closed lines and used roots make a spanning tree exactly when their number
+is the number of live buses and a commodity from the virtual root reaches every one of them (single
+commodity flow, Lavorato et al. 2012):
+
+$$ \sum_l z_l + \sum_b \rho_b = \sum_b a_b, \qquad
+\gamma_b + \sum_{l \to b} f_l - \sum_{b \to l} f_l = a_b, \qquad
+|f_l| \le N z_l, \quad 0 \le \gamma_b \le N \rho_b $$
+
+| symbol | name | unit |
+|---|---|---|
+| $z_l$ | `line.closed`, or the status of a line that cannot be switched | 1 |
+| $\rho_b$ | `topology.root`, for forming buses only | 1 |
+| $f_l, \gamma_b$ | `topology.flow`, `topology.feed` | 1 |
+| $a_b$ | `topology.alive` (data), whether the bus can reach a forming unit at all | 1 |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.models.algebra import Floats, Labels, scatter
+from resilience.models.components.line import Lines
+from resilience.models.situation import Situation
+from resilience.models.stage import Stage
+
+Bools = np.ndarray
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Spanning forest over `lines`; `forming` (buses,) marks possible roots."""
+
+    lines: Lines
+    buses: Labels
+    forming: Bools
+
+    def emit(self, stage: Stage) -> None:
+        """Declares roots and the commodity."""
+        lines, n = self.lines, len(self.buses)
+        alive = stage.data("topology.alive", self.buses, unit="1", about="has a path to a source")
+        count = stage.data("topology.links", ("network",), unit="1", about="links still to choose")
+        places = np.flatnonzero(self.forming)
+        of = [self.buses[i] for i in places]
+        root = stage.binary("topology.root", of, about="fed by the virtual root")
+        feed = stage.var("topology.feed", of, 0.0, n, unit="1", about="commodity fed in")
+        most = stage["line.up"] * float(n)
+        flow = stage.var("topology.flow", lines.names, -most, most, unit="1", about="commodity")
+        closed = stage["line.closed"]
+        stage.eq("topology.tree", closed.sum() + root.sum(), count)
+        stage.switch("topology.flow.switch", flow[lines.switched], closed, n)
+        stage.le("topology.feed.root", feed, root * float(n))
+        ends = np.arange(len(lines.names))
+        incidence = sp.csr_array(
+            (
+                np.repeat([1.0, -1.0], len(ends)),
+                (np.concatenate([lines.to_bus, lines.from_bus]), np.tile(ends, 2)),
+            ),
+            shape=(n, len(ends)),
+        )
+        arriving = flow.mapped(incidence, self.buses)
+        stage.eq("topology.reach", scatter(feed, places, n, self.buses) + arriving, alive)
+
+    def data(self, situation: Situation) -> dict[str, Floats]:
+        """Live buses, and how many lines and roots make a spanning tree of them."""
+        up = self.lines.data(situation)["line.up"]
+        settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
+        links = situation.alive.sum(0) - settled.sum(0)
+        return {"topology.alive": situation.alive, "topology.links": links[None, :]}
+
+    def start(self) -> dict[str, Floats]:
+        """None."""
+        return {}

@@ -1,0 +1,27 @@
+"""Deterministic methods: how a plan is found, what it relaxes, and what bound it proves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from resilience.models.methods.answer import Answer, Options
+from resilience.models.methods.conic import nlp, socp
+from resilience.models.methods.exact import exact
+from resilience.models.methods.linear import lp, milp
+from resilience.models.methods.minlp import minlp
+from resilience.models.microgrid import Physics
+from resilience.models.problem import Problem
+
+Method = Callable[[Problem, Options], Answer]
+
+METHODS: dict[str, tuple[Method, Physics]] = {
+    "lp": (lp, "lindistflow"),
+    "milp": (milp, "lindistflow"),
+    "socp": (socp, "distflow"),
+    "nlp": (nlp, "distflow"),
+    "minlp": (minlp, "distflow"),
+    "exact": (exact, "distflow"),
+}
+"""Each method with its default physics."""
+
+__all__ = ["METHODS", "Answer", "Method", "Options"]

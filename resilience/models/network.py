@@ -1,0 +1,131 @@
+"""The feeder as a graph: which buses act as one, what a line can be asked to carry, cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import networkx as nx
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from resilience.models.algebra import Floats, Ints
+
+if TYPE_CHECKING:
+    from resilience.case import Network
+
+Bools = np.ndarray
+
+
+def closable(network: Network) -> Network:
+    """The network without the lines that are open and cannot be switched."""
+    keep = network.in_service | network.switchable
+    return _lines(network, np.flatnonzero(keep))
+
+
+def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
+    """Joins buses whose connection can neither fail, nor be switched, nor hit a rating.
+
+    Args:
+        network: only lines that can be closed.
+        fallible: (lines,) lines that may fail.
+
+    Returns:
+        The smaller network, its buses named after their first member, and for every old bus its
+        new index (buses,). For lossless transport without voltages the two are equivalent.
+    """
+    firm = ~fallible & ~network.switchable & np.isinf(network.rating_mva)
+    n = len(network.bus_names)
+    i, j = network.from_bus[firm], network.to_bus[firm]
+    graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
+    _, group = connected_components(graph, directed=False)
+    _, first, bus_of = np.unique(group, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    bus_of = order[bus_of.ravel()]
+    first = np.sort(first)
+    left = _lines(network, np.flatnonzero(~firm))
+    merged = replace(
+        left,
+        bus_names=tuple(network.bus_names[k] for k in first),
+        vn_kv=network.vn_kv[first],
+        v_min_pu=network.v_min_pu[first],
+        v_max_pu=network.v_max_pu[first],
+        from_bus=bus_of[left.from_bus],
+        to_bus=bus_of[left.to_bus],
+        aliases={},
+    )
+    return merged, bus_of
+
+
+def _lines(network: Network, keep: Ints) -> Network:
+    chosen = {
+        key: getattr(network, key)[keep]
+        for key in (
+            "from_bus",
+            "to_bus",
+            "r_pu",
+            "x_pu",
+            "rating_mva",
+            "in_service",
+            "switchable",
+            "breakpoint",
+        )
+    }
+    names = tuple(network.line_names[k] for k in keep)
+    return replace(network, line_names=names, **chosen)
+
+
+def cycle(network: Network) -> list[str]:
+    """Names of the lines of a cycle of closed lines that cannot be switched; empty if none."""
+    graph = nx.MultiGraph()
+    firm = np.flatnonzero(network.in_service & ~network.switchable)
+    for k in firm:
+        graph.add_edge(network.from_bus[k], network.to_bus[k], key=network.line_names[k])
+    try:
+        return [str(edge[2]) for edge in nx.find_cycle(graph)]
+    except nx.NetworkXNoCycle:
+        return []
+
+
+def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
+    """(lines,) the most that the two sides of each line can send each other, MVA.
+
+    Args:
+        network: only lines that can be closed.
+        supply: (buses,) what each bus can feed in at most.
+        demand: (buses,) what each bus can take at most.
+    """
+    total = np.maximum(supply.sum(), demand.sum())
+    limit = np.full(len(network.line_names), total)
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(network.bus_names)))
+    graph.add_edges_from(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True))
+    if graph.number_of_edges() < len(limit) or nx.cycle_basis(graph):
+        return limit
+    below = np.stack([supply, demand], axis=1)
+    above = np.zeros_like(below)
+    order, parent = _rooted(graph)
+    for bus in reversed(order):
+        if parent[bus] >= 0:
+            below[parent[bus]] += below[bus]
+    for component in nx.connected_components(graph):
+        members = np.fromiter(component, int)
+        above[members] = below[members[parent[members] < 0][0]] - below[members]
+    child = np.where(parent[network.to_bus] == network.from_bus, network.to_bus, network.from_bus)
+    into = np.minimum(above[child, 0], below[child, 1])
+    out = np.minimum(below[child, 0], above[child, 1])
+    found: Floats = np.maximum(into, out)
+    return found
+
+
+def _rooted(graph: nx.Graph) -> tuple[list[int], Ints]:
+    order: list[int] = []
+    parent = np.full(graph.number_of_nodes(), -1)
+    for component in nx.connected_components(graph):
+        root = min(component)
+        order.append(root)
+        for up, down in nx.bfs_edges(graph, root):
+            parent[down] = up
+            order.append(down)
+    return order, parent

@@ -1,0 +1,65 @@
+"""A case's deterministic horizon as one problem, with its data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Floats
+from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.situation import Situation
+from resilience.models.standard import Standard, Vectors
+from resilience.models.tree import Cut, Tree
+from resilience.models.unroll import unroll
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The problem in numbers together with what it was made from."""
+
+    grid: Microgrid
+    standard: Standard
+    situation: Situation
+    data: dict[str, Floats]
+    x0: dict[str, Floats]
+
+    @cached_property
+    def vectors(self) -> Vectors:
+        """Cost, bounds and right-hand sides for the case's own data."""
+        return self.standard.vectors(self.data, self.x0)
+
+    @property
+    def case(self) -> Case:
+        """The case it was made from."""
+        return self.grid.case
+
+
+def status(case: Case) -> np.ndarray:
+    """(lines, slots) False where one of the case's outages has a line down."""
+    up = np.ones((len(case.network.line_names), case.slots), bool)
+    for outage in case.outages:
+        up[case.network.line(outage.line), outage.first : outage.stop] = False
+    return up
+
+
+def terminal_cuts(case: Case) -> list[Cut]:
+    """What energy left in storage is worth, as a cut on the cost behind the horizon."""
+    value = case.terminal_value_per_mwh
+    if not value or not case.ess:
+        return []
+    return [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})]
+
+
+def horizon(case: Case, physics: Physics = "lindistflow") -> Problem:
+    """The whole horizon of the case, its outages known in advance."""
+    grid = microgrid(case, physics)
+    labels = [case.slot_label(t) for t in range(case.slots)]
+    standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
+    situation = grid.situation(status(case))
+    return Problem(grid, standard, situation, grid.data(situation), grid.start())

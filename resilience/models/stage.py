@@ -1,0 +1,276 @@
+"""One time step, described symbolically: the only language that components speak.
+
+A stage holds affine rows, bounds, a cost in $ per step, states with a value now and next, and a few
+named structures, the only non-affine things there are. Data enters bounds, right-hand sides and
+prices, never the matrix, so that a built problem is re-solved by changing vectors alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resilience.models.algebra import Affine, Floats, Ints, Labels, stack
+
+
+@dataclass(frozen=True)
+class Block:
+    """A named group of columns, data or rows: one entry per label."""
+
+    name: str
+    labels: Labels
+    start: int
+    unit: str = ""
+    about: str = ""
+    kind: str = "variable"
+
+    @property
+    def n(self) -> int:
+        """Number of entries."""
+        return len(self.labels)
+
+    @property
+    def slice(self) -> slice:
+        """Where the block lies in the numbering it belongs to."""
+        return slice(self.start, self.start + self.n)
+
+
+@dataclass(frozen=True)
+class Row:
+    """`expression == 0` or `expression <= 0`, one per label."""
+
+    name: str
+    labels: Labels
+    expression: Affine
+    equality: bool
+
+
+@dataclass(frozen=True)
+class Cost:
+    """`sum(price * term)` in $ per step; the price is a number, an array, or data."""
+
+    name: str
+    term: Affine
+    price: Affine
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A named non-affine fact about expressions, elementwise over its labels.
+
+    kind        args               holds
+    split       pos, neg           pos * neg = 0, 0 <= pos <= limits[0], 0 <= neg <= limits[1]
+    cone        u, v, x1, x2, ...  u * v = sum(x^2)
+    disc        x1, x2, ...        sum(x^2) <= limits[0]^2
+    largest     y, x1, x2, ...     y = max(x)
+    adjacent    w1, w2, ...        at most two neighbouring w are not zero (SOS2)
+    """
+
+    name: str
+    kind: str
+    labels: Labels
+    args: tuple[Affine, ...]
+    limits: tuple[Floats, ...] = ()
+
+
+@dataclass
+class Stage:
+    """One step of `dt` hours. `reactive` tells components whether reactive power is carried."""
+
+    dt: float
+    reactive: bool = False
+    variables: list[Block] = field(default_factory=list)
+    datums: list[Block] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    costs: list[Cost] = field(default_factory=list)
+    penalties: list[Affine] = field(default_factory=list)
+    structures: list[Structure] = field(default_factory=list)
+    states: list[tuple[Block, Block]] = field(default_factory=list)
+    lower: list[Affine] = field(default_factory=list)
+    upper: list[Affine] = field(default_factory=list)
+    integer: list[bool] = field(default_factory=list)
+    _named: dict[str, Affine] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Affine:
+        """The variable or datum of that name, as some other component declared it."""
+        return self._named[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._named
+
+    def var(
+        self,
+        name: str,
+        of: Sequence[str],
+        lower: Any = 0.0,
+        upper: Any = np.inf,
+        *,
+        unit: str = "MW",
+        about: str = "",
+        integer: bool = False,
+        kind: str = "variable",
+    ) -> Affine:
+        """One column per label of `of`, within bounds that may be data."""
+        self._fresh(name)
+        labels = tuple(of)
+        block = Block(name, labels, self._width(self.variables), unit, about, kind)
+        self.variables.append(block)
+        self.lower.append(self._data_only(lower, block))
+        self.upper.append(self._data_only(upper, block))
+        self.integer.append(integer)
+        return self._remember(name, np.arange(block.start, block.start + block.n), labels)
+
+    def binary(self, name: str, of: Sequence[str], upper: Any = 1.0, *, about: str = "") -> Affine:
+        """One 0/1 column per label."""
+        return self.var(name, of, 0.0, upper, unit="1", about=about, integer=True, kind="binary")
+
+    def data(self, name: str, of: Sequence[str], *, unit: str = "MW", about: str = "") -> Affine:
+        """Exogenous values, one per label: for bounds, right-hand sides and prices."""
+        self._fresh(name)
+        labels = tuple(of)
+        block = Block(name, labels, self._width(self.datums), unit, about, "data")
+        self.datums.append(block)
+        return self._remember(name, ~np.arange(block.start, block.start + block.n), labels)
+
+    def state(
+        self,
+        name: str,
+        of: Sequence[str],
+        lower: Any,
+        upper: Any,
+        *,
+        unit: str,
+        about: str = "",
+        integer: bool = False,
+    ) -> tuple[Affine, Affine]:
+        """Value at the start of the step and at its end; the bounds hold at the end."""
+        labels = tuple(of)
+        now = self.var(name + ".now", labels, -np.inf, np.inf, unit=unit, about=about, kind="now")
+        before = self.variables[-1]
+        after = self.var(name, labels, lower, upper, unit=unit, about=about, integer=integer)
+        self.states.append((before, self.variables[-1]))
+        return now, after
+
+    def eq(self, name: str, left: Affine, right: Any = 0.0) -> None:
+        """`left == right` for every label of `left`."""
+        self._row(name, left - right, True)
+
+    def le(self, name: str, left: Affine, right: Any = 0.0) -> None:
+        """`left <= right` for every label of `left`."""
+        self._row(name, left - right, False)
+
+    def cost(self, name: str, term: Affine, price: Any = 1.0) -> None:
+        """Adds `sum(price * term)` $ per step under `name`; `price` may be data."""
+        worth = price if isinstance(price, Affine) else Affine.constant(price, term.n)
+        if worth.has_variables or (worth.has_data and term.has_data):
+            raise ValueError(f"cost {name!r}: a price may be data, but only of pure variables")
+        self.costs.append(Cost(name, term, worth))
+
+    def penalty(self, term: Affine) -> None:
+        """A term that closes relaxations when weighted slightly; never part of the objective."""
+        self.penalties.append(term.sum())
+
+    def split(
+        self,
+        name: str,
+        of: Sequence[str],
+        bounds: tuple[Any, Any],
+        limits: tuple[ArrayLike, ArrayLike],
+        *,
+        parts: tuple[str, str] = ("pos", "neg"),
+    ) -> tuple[Affine, Affine]:
+        """Columns pos, neg >= 0 with pos * neg = 0: x = pos - neg gives |x|, max(x, 0), a mode.
+
+        `bounds` of the two may be data; `limits` are the constants they never exceed.
+        """
+        pos = self.var(f"{name}.{parts[0]}", of, 0.0, bounds[0])
+        neg = self.var(f"{name}.{parts[1]}", of, 0.0, bounds[1])
+        most = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
+        self._structure(name, "split", (pos, neg), most)
+        return pos, neg
+
+    def cone(self, name: str, u: Affine, v: Affine, *xs: Affine) -> None:
+        """`u * v = sum(x^2)` with u, v >= 0: the branch flow equation."""
+        self._structure(name, "cone", (u, v, *xs))
+
+    def disc(self, name: str, radius: ArrayLike, *xs: Affine) -> None:
+        """`|(x1, x2, ...)| <= radius`: inverter and line ratings."""
+        bound = np.broadcast_to(np.asarray(radius, float), (xs[0].n,))
+        self._structure(name, "disc", xs, (bound,))
+
+    def switch(self, name: str, x: Affine, on: Affine, limit: ArrayLike) -> None:
+        """`|x| <= limit * on` for a binary `on`: commitment, tie lines."""
+        self.le(name + ".upper", x, on * limit)
+        self.le(name + ".lower", -x, on * limit)
+
+    def largest(self, name: str, y: Affine, *xs: Affine) -> None:
+        """`y = max(xs)`, where a smaller y is never worse: rows y >= x, made tight afterwards."""
+        for k, x in enumerate(xs):
+            self.le(f"{name}.above{k}", x, y)
+        self._structure(name, "largest", (y, *xs))
+
+    def piecewise(
+        self, name: str, x: Affine, xs: Floats, ys: Floats, unit: str, total: Any = 1.0
+    ) -> Affine:
+        """y = f(x) through the points (xs, ys) of shape (n, k), straight between them.
+
+        `total` is 1, or a binary that switches both x and y off.
+        """
+        labels = x.labels or ()
+        weights = [
+            self.var(f"{name}.weight{k}", labels, 0.0, 1.0, unit="1") for k in range(xs.shape[1])
+        ]
+        zero = Affine.constant(0.0, x.n)
+        self.eq(name + ".one", sum(weights, zero), total)
+        self.eq(name + ".x", x, sum((w * xs[:, k] for k, w in enumerate(weights)), zero))
+        y = self.var(
+            name, labels, np.minimum(ys.min(1), 0.0), np.maximum(ys.max(1), 0.0), unit=unit
+        )
+        self.eq(name + ".y", y, sum((w * ys[:, k] for k, w in enumerate(weights)), zero))
+        self._structure(name, "adjacent", tuple(weights))
+        return y
+
+    def _structure(
+        self, name: str, kind: str, args: tuple[Affine, ...], limits: tuple[Floats, ...] = ()
+    ) -> None:
+        if args[0].n == 0:
+            return
+        if any(arg.has_data for arg in args):
+            raise ValueError(f"structure {name!r}: data may not enter a {kind}")
+        labels = next((a.labels for a in args if a.labels), _numbers(args[0].n))
+        self.structures.append(Structure(name, kind, labels, args, limits))
+
+    def _row(self, name: str, expression: Affine, equality: bool) -> None:
+        if expression.n:
+            labels = expression.labels or _numbers(expression.n)
+            self.rows.append(Row(name, labels, expression, equality))
+
+    def _remember(self, name: str, ids: Ints, labels: Labels) -> Affine:
+        self._named[name] = Affine.of_ids(ids, labels)
+        return self._named[name]
+
+    def _fresh(self, name: str) -> None:
+        if name in self._named:
+            raise ValueError(f"{name!r} is declared twice in this stage")
+
+    @staticmethod
+    def _data_only(bound: Any, block: Block) -> Affine:
+        limit = bound if isinstance(bound, Affine) else Affine.constant(bound, block.n)
+        if limit.has_variables or limit.n != block.n:
+            raise ValueError(f"a bound of {block.name!r} must be {block.n} numbers or data")
+        return limit
+
+    @staticmethod
+    def _width(blocks: list[Block]) -> int:
+        return blocks[-1].start + blocks[-1].n if blocks else 0
+
+
+def _numbers(n: int) -> Labels:
+    return tuple(str(i + 1) for i in range(n))
+
+
+__all__ = ["Block", "Cost", "Row", "Stage", "Structure", "stack"]

@@ -1,0 +1,262 @@
+"""The whole problem in numbers: minimise cost over a tree of stages.
+
+    min c'z + c0   s.t.  row_lower <= A z <= row_upper,  lower <= z <= upper,  structures, integers
+
+Columns lie in the order: states at the start | one future cost per leaf | node 0 | node 1 | ...
+The matrix A and the structures are fixed; `vectors` makes everything that data can change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.form import CostForm, Form
+from resilience.models.tree import Cut, Tree
+
+Values = Mapping[str, Any]
+
+
+@dataclass
+class Vectors:
+    """Every number that data can change."""
+
+    cost: Floats
+    offset: float
+    lower: Floats
+    upper: Floats
+    row_lower: Floats
+    row_upper: Floats
+
+    def fixed(self, columns: Ints, values: Floats) -> Vectors:
+        """The same vectors with some columns fixed."""
+        lower, upper = self.lower.copy(), self.upper.copy()
+        lower[columns] = upper[columns] = values
+        return Vectors(self.cost, self.offset, lower, upper, self.row_lower, self.row_upper)
+
+
+@dataclass(frozen=True)
+class Unrolled:
+    """A structure over all nodes of one stage: its arguments as matrices over all columns."""
+
+    name: str
+    kind: str
+    labels: Labels
+    nodes: Ints
+    matrices: tuple[sp.csr_array, ...]
+    consts: tuple[Floats, ...]
+    limits: tuple[Floats, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of elements: labels times nodes, label running fastest."""
+        return len(self.labels) * len(self.nodes)
+
+    def values(self, z: Floats) -> list[Floats]:
+        """Each argument at z, arrays (n,)."""
+        return [m @ z + c for m, c in zip(self.matrices, self.consts, strict=True)]
+
+    @cached_property
+    def columns(self) -> Ints:
+        """(arguments, n) column of each argument, where every argument is one plain column."""
+        if any((np.diff(m.indptr) != 1).any() for m in self.matrices):
+            raise ValueError(f"the arguments of {self.name!r} are not plain columns")
+        return np.array([m.indices for m in self.matrices], np.intp)
+
+
+@dataclass
+class Standard:
+    """See the module's docstring; made by `resilience.models.unroll.unroll`."""
+
+    forms: tuple[Form, ...]
+    tree: Tree
+    tables: tuple[Ints, ...]
+    members: tuple[Ints, ...]
+    row_tables: tuple[Ints, ...]
+    a: sp.csr_array
+    structures: tuple[Unrolled, ...]
+    cuts: tuple[Cut, ...]
+    n_states: int
+    integer: Any = field(repr=False)
+    equality: Any = field(repr=False)
+
+    @property
+    def n_columns(self) -> int:
+        """Number of columns."""
+        return int(self.a.shape[1])
+
+    @property
+    def n_rows(self) -> int:
+        """Number of rows, cuts included (they come last)."""
+        return int(self.a.shape[0])
+
+    @property
+    def future(self) -> Ints:
+        """Columns of the cost to go, one per leaf of the tree."""
+        return self.n_states + np.arange(len(self.tree.leaves))
+
+    @cached_property
+    def penalty(self) -> Floats:
+        """Weights that close relaxed structures; not part of the objective."""
+        total = np.zeros(self.n_columns)
+        for form, table, nodes in zip(self.forms, self.tables, self.members, strict=True):
+            np.add.at(total, table, self.tree.probability[nodes, None] * form.penalty)
+        return total
+
+    def columns(self, name: str) -> Ints:
+        """(labels, nodes) columns of a variable."""
+        parts = []
+        for form, table in zip(self.forms, self.tables, strict=True):
+            block = next(b for b in form.own if b.name == name)
+            parts.append(table[:, form.position[block.slice]].T)
+        return self._in_node_order(parts)
+
+    def rows(self, name: str) -> Ints:
+        """(labels, nodes) rows of a named constraint."""
+        parts = []
+        for form, table in zip(self.forms, self.row_tables, strict=True):
+            k = next(i for i, row in enumerate(form.stage.rows) if row.name == name)
+            parts.append(table[:, form.row_start[k] : form.row_start[k + 1]].T)
+        return self._in_node_order(parts)
+
+    def _in_node_order(self, parts: list[Ints]) -> Ints:
+        joined = np.concatenate(parts, axis=1)
+        return joined[:, np.argsort(np.concatenate(self.members), kind="stable")]
+
+    def has(self, name: str) -> bool:
+        """Whether a variable of that name exists."""
+        return any(b.name == name for b in self.forms[0].own)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all variables."""
+        return [b.name for b in self.forms[0].own]
+
+    def labels(self, name: str) -> Labels:
+        """Labels of a variable: the devices, buses or lines it has a column for."""
+        return next(b.labels for b in self.forms[0].own if b.name == name)
+
+    @cached_property
+    def initial(self) -> dict[str, Ints]:
+        """Columns of the states at the start, by name."""
+        found, at = {}, 0
+        for _, after in self.forms[0].stage.states:
+            found[after.name] = np.arange(at, at + after.n)
+            at += after.n
+        return found
+
+    def data_matrix(self, data: Values, form: Form, nodes: Ints) -> Floats:
+        """(n_data, nodes) the data of one stage's nodes."""
+        stacked = np.empty((form.n_data, len(nodes)))
+        for block in form.stage.datums:
+            if block.name not in data:
+                raise KeyError(f"no data {block.name!r}; the problem needs it")
+            value = np.asarray(data[block.name], float)
+            if value.ndim == 1:
+                value = value[:, None]
+            full = np.broadcast_to(value, (block.n, self.tree.n))
+            stacked[block.slice] = full[:, nodes]
+        return stacked
+
+    def vectors(self, data: Values, x0: Values) -> Vectors:
+        """Cost, bounds and right-hand sides for data arrays (labels, nodes) and states (labels,).
+
+        Raises:
+            KeyError: data or a state that the problem needs is missing.
+        """
+        n = self.n_columns
+        cost, lower, upper = np.zeros(n), np.zeros(n), np.zeros(n)
+        rhs = np.zeros(self.n_rows)
+        offset = 0.0
+        for name, at in self.initial.items():
+            lower[at] = upper[at] = x0[name]
+        for form, table, rows, nodes in zip(
+            self.forms, self.tables, self.row_tables, self.members, strict=True
+        ):
+            d = self.data_matrix(data, form, nodes)
+            own = table[:, form.n_now :]
+            lower[own] = (form.lower[:, None] + form.lower_data @ d).T
+            upper[own] = (form.upper[:, None] + form.upper_data @ d).T
+            rhs[rows] = (form.rhs[:, None] + form.rhs_data @ d).T
+            weight = self.tree.probability[nodes]
+            for term in form.costs:
+                prices = (term.columns[:, None] + term.columns_data @ d) * weight
+                np.add.at(cost, table, prices.T)
+                offset += float(weight @ (term.offset + term.offset_data @ d))
+        self._value_cuts(cost, lower, upper, rhs)
+        row_lower = np.where(self.equality, rhs, -np.inf)
+        return Vectors(cost, offset, lower, upper, row_lower, rhs)
+
+    def _value_cuts(self, cost: Floats, lower: Floats, upper: Floats, rhs: Floats) -> None:
+        leaves = self.tree.leaves
+        cost[self.future] = self.tree.probability[leaves]
+        if not self.cuts:
+            return
+        reach = []
+        for cut in self.cuts:
+            low, high = np.full(len(leaves), cut.alpha), np.full(len(leaves), cut.alpha)
+            for name, beta in cut.beta.items():
+                at = self.columns(name)[:, leaves]
+                ends = np.stack([beta[:, None] * lower[at], beta[:, None] * upper[at]])
+                low, high = low + ends.min(0).sum(0), high + ends.max(0).sum(0)
+            reach.append((low, high))
+        lower[self.future] = np.max([low for low, _ in reach], axis=0)
+        upper[self.future] = np.max([high for _, high in reach], axis=0)
+        alphas = np.repeat([cut.alpha for cut in self.cuts], len(leaves))
+        rhs[self.n_rows - len(alphas) :] = -alphas
+
+    def cost_terms(self, z: Floats, data: Values) -> dict[str, Floats]:
+        """$ per node of every cost term, not weighted by probability, arrays (nodes,)."""
+        found: dict[str, Floats] = {}
+        for form, table, nodes in zip(self.forms, self.tables, self.members, strict=True):
+            d = self.data_matrix(data, form, nodes)
+            for term in form.costs:
+                spent = found.setdefault(term.name, np.zeros(self.tree.n))
+                spent[nodes] += _spent(term, z[table].T, d)
+        return found
+
+    def column_name(self, j: int) -> str:
+        """`ess.charge[ess2, 14:30]`."""
+        if j < self.n_states:
+            name, at = next((n, a) for n, a in self.initial.items() if j in a)
+            block = next(b for _, b in self.forms[0].stage.states if b.name == name)
+            return f"{name}[{block.labels[j - at[0]]}, start]"
+        if j < self.n_states + len(self.tree.leaves):
+            return f"future[{self.tree.labels[self.tree.leaves[j - self.n_states]]}]"
+        for form, table, nodes in zip(self.forms, self.tables, self.members, strict=True):
+            own = table[:, form.n_now :]
+            k = np.searchsorted(own[:, 0], j, side="right") - 1 if own.size else -1
+            if k >= 0 and own[k, 0] <= j < own[k, 0] + form.n_own:
+                at = j - own[k, 0]
+                block = next(
+                    b for b in form.own if 0 <= at + form.n_now - form.position[b.start] < b.n
+                )
+                label = block.labels[at + form.n_now - form.position[block.start]]
+                return f"{block.name}[{label}, {self.tree.labels[nodes[k]]}]"
+        raise IndexError(j)
+
+    def row_name(self, i: int) -> str:
+        """`ess.dynamics[ess2, 14:30]`."""
+        for form, table, nodes in zip(self.forms, self.row_tables, self.members, strict=True):
+            if not table.size:
+                continue
+            k = np.searchsorted(table[:, 0], i, side="right") - 1
+            if k >= 0 and i < table[k, 0] + form.n_rows:
+                at = i - table[k, 0]
+                r = int(np.searchsorted(form.row_start, at, side="right") - 1)
+                row = form.stage.rows[r]
+                label = row.labels[at - form.row_start[r]]
+                return f"{row.name}[{label}, {self.tree.labels[nodes[k]]}]"
+        return f"cut[{i}]"
+
+
+def _spent(term: CostForm, z: Floats, d: Floats) -> Floats:
+    prices = term.columns[:, None] + term.columns_data @ d
+    spent: Floats = (prices * z).sum(0) + term.offset + term.offset_data @ d
+    return spent
