@@ -17,6 +17,8 @@ from resilience.case.schema import (
     PVTable,
     case_schema,
 )
+from resilience.case.starter import new_case_text
+from resilience.case.write import case_text
 
 __all__ = [
     "Case",
@@ -29,6 +31,8 @@ __all__ = [
     "PVTable",
     "case_names",
     "case_schema",
+    "case_text",
     "load_case",
+    "new_case_text",
     "parse_outages",
 ]

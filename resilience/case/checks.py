@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 
 import numpy as np
 
 from resilience.case.network import Network
 from resilience.case.parts import Parts
+from resilience.case.plausible import check_units
 from resilience.case.rules import broken_rules
 from resilience.case.tables import show
-
-_MAX_CURRENT_KA = 10.0
-_POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
-_MAX_DROP_PU = 20.0
 
 
 def check_parts(parts: Parts) -> None:
@@ -28,9 +24,9 @@ def check_parts(parts: Parts) -> None:
         _check_lines(parts, parts.network)
         _check_buses(parts, parts.network)
         _check_voltages(parts, parts.network)
-        if parts.complete:
+        check_units(parts, parts.network)
+        if parts.inline.complete:
             _check_connected(parts, parts.network)
-            _check_impedances(parts, parts.network)
 
 
 def _check_names(parts: Parts) -> None:
@@ -56,39 +52,27 @@ def _check_forming(parts: Parts) -> None:
     units = [d for kind in ("grid", "ess", "generator") for d, _ in parts.devices.get(kind, [])]
     if not any(d.grid_forming is not False for d in units):
         found = (
-            "none of " + (f"the {len(units)} units" if units else "no units") + " is grid-forming"
+            f"false for all {len(units)} units"
+            if units
+            else "no [[grid]], [[ess]] or [[generator]]"
         )
-        hint = "add a [[grid]], [[ess]] or [[generator]] with grid_forming = true"
-        parts.document.add((), "", "grid_forming", found, "at least one unit", hint)
+        hint = "without a grid-forming unit every bus is dead; add one"
+        parts.document.add((), "", "grid_forming", found, "true for at least one unit", hint)
 
 
 def _check_lines(parts: Parts, network: Network) -> None:
     for line, title in parts.lines:
-        if line.name and not network.has_line(line.name):
-            hint = network.line_hint(line.name)
-            where = ("line", line.name)
+        if line.name and not (network.has_line(line.name) or line.name in parts.inline.line_names):
+            where, hint = ("line", line.name), network.line_hint(line.name)
             parts.document.add(where, title, "name", show(line.name), "a line of the network", hint)
 
 
 def _check_buses(parts: Parts, network: Network) -> None:
     for kind, device, title in parts.all_devices():
-        if not device.bus:
-            continue
-        where: tuple[str, ...] = (kind, str(device.name), "bus")
-        if not network.has_bus(device.bus):
-            hint = network.bus_hint(device.bus)
+        known = network.has_bus(device.bus) or device.bus in parts.inline.bus_names
+        if device.bus and not known:
+            where, hint = (kind, str(device.name), "bus"), network.bus_hint(device.bus)
             parts.document.add(where, title, "bus", show(device.bus), "a bus of the network", hint)
-            continue
-        vn_kv = float(network.vn_kv[network.bus(device.bus)])
-        for key in _POWERS:
-            power = getattr(device, key, None)
-            current_ka = abs(power or 0.0) / (math.sqrt(3.0) * vn_kv)
-            if power is not None and current_ka > _MAX_CURRENT_KA:
-                limit = _MAX_CURRENT_KA * math.sqrt(3.0) * vn_kv
-                found = f"{power:g}, which is {current_ka:,.0f} kA at {vn_kv:g} kV"
-                allowed = f"{limit:.3g} MW at {vn_kv:g} kV ({_MAX_CURRENT_KA:g} kA)"
-                hint = "probably kW given as MW; divide by 1000"
-                parts.document.add((*where[:2], key), title, key, found, allowed, hint)
 
 
 def _check_voltages(parts: Parts, network: Network) -> None:
@@ -96,9 +80,8 @@ def _check_voltages(parts: Parts, network: Network) -> None:
     if wrong.size:
         i = int(wrong[0])
         found = f"{network.v_min_pu[i]:g} at bus {network.bus_names[i]}"
-        allowed = f"at most v_max_pu = {network.v_max_pu[i]:g}"
-        where = ("network", "v_min_pu")
-        parts.document.add(where, "[network]", "v_min_pu", found, allowed, "swap the two limits")
+        allowed, hint = f"at most v_max_pu = {network.v_max_pu[i]:g}", "swap the two limits"
+        parts.document.add(("network", "v_min_pu"), "[network]", "v_min_pu", found, allowed, hint)
     for grid, title in parts.devices.get("grid", []):
         if grid.v_pu is None or not grid.bus or not network.has_bus(grid.bus):
             continue
@@ -106,8 +89,7 @@ def _check_voltages(parts: Parts, network: Network) -> None:
         low, high = network.v_min_pu[i], network.v_max_pu[i]
         if low <= high and not low <= grid.v_pu <= high:
             allowed = f"{low:g} to {high:g}, the limits of bus {grid.bus}"
-            hint = "v_pu is in per unit of vn_kv; widen the limits or change it"
-            where = ("grid", str(grid.name), "v_pu")
+            where, hint = ("grid", str(grid.name), "v_pu"), "per unit of vn_kv; or widen the limits"
             parts.document.add(where, title, "v_pu", f"{grid.v_pu:g}", allowed, hint)
 
 
@@ -127,22 +109,6 @@ def _check_connected(parts: Parts, network: Network) -> None:
         allowed = "one connected network, switchable lines closed, or a [[grid]] in every part"
         hint = "add the missing line, or set in_service or switchable on one"
         parts.document.add(("network",), "[network]", "", found, allowed, hint)
-
-
-def _check_impedances(parts: Parts, network: Network) -> None:
-    """Refuse an inline line on which the whole load would lose many times the voltage."""
-    load_mw = sum(d.p_max_mw or 0.0 for d, _ in parts.devices.get("load", []))
-    for i, (line, title) in enumerate(parts.inline_lines):
-        vn_kv = float(network.vn_kv[network.from_bus[i]])
-        for key, ohm in (("r_ohm", line.r_ohm), ("x_ohm", line.x_ohm)):
-            limit = _MAX_DROP_PU * vn_kv**2 / load_mw if load_mw > 0 else math.inf
-            if ohm > limit:
-                allowed = (
-                    f"about {limit:.3g} ohm at most, with {load_mw:g} MW of load at {vn_kv:g} kV"
-                )
-                hint = "probably mOhm given as ohm, or a length in m taken for km"
-                where = ("network", "line")
-                parts.document.add(where, title, key, f"{ohm:g}", allowed, hint)
 
 
 def cut_off(network: Network) -> list[list[int]]:

@@ -32,9 +32,23 @@ class Document:
     def add(
         self, where: tuple[str, ...], table: str, key: str, value: str, allowed: str, hint: str
     ) -> None:
-        """Note one mistake; `where` is the place of its key in the data."""
-        file = self.file_of(*where)
-        self.problems.append(Problem(file, table, key, value, allowed, hint))
+        """Note one mistake; `where` is the place of its key in the data.
+
+        A key that a device has from `[defaults.<kind>]` is a mistake there.
+        """
+        if self._is_default(where):
+            where, table = ("defaults", where[0], where[2]), f"[defaults.{where[0]}]"
+        self.problems.append(Problem(self.file_of(*where), table, key, value, allowed, hint))
+
+    def _is_default(self, where: tuple[str, ...]) -> bool:
+        if len(where) != 3 or where[0] not in KEYED:
+            return False
+        kind, name, key = where
+        section = self.data.get("defaults")
+        defaults = section.get(kind) if isinstance(section, dict) else None
+        entries = [e for e in self.data.get(kind, []) if isinstance(e, dict)]
+        own = [entry for entry in entries if entry_name(kind, entry) == name]
+        return isinstance(defaults, dict) and key in defaults and not any(key in e for e in own)
 
     def file_of(self, *where: str) -> str:
         """Return the file that a table or key comes from, the innermost that is known."""
@@ -72,7 +86,8 @@ def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
     Raises `UsageError` where there is no such case.
     """
     path = Path(ref)
-    for candidate in (path if beside is None else beside / path, case_folder() / f"{ref}.toml"):
+    local = path if beside is None else beside / path
+    for candidate in (local, case_folder() / f"{ref}.toml", local.with_name(f"{local.name}.toml")):
         if candidate.is_file():
             return candidate
     if path.suffix == ".toml":
@@ -174,8 +189,9 @@ def _places(value: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]
 
 
 def entry_name(kind: str, entry: dict[str, Any]) -> str:
-    """Return the name of an entry of a keyed list; empty where it has none."""
-    return str(entry.get("name", "grid" if kind == "grid" else ""))
+    """Return the name of an entry of a list of tables; empty where it has none."""
+    unnamed = {"grid": "grid", "network.line": f"{entry.get('from')}-{entry.get('to')}"}
+    return str(entry.get("name", unnamed.get(kind, "")))
 
 
 def _merge(base: dict[str, Any], child: dict[str, Any]) -> dict[str, Any]:

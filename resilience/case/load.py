@@ -9,6 +9,8 @@ from typing import Any
 from resilience.case.checks import check_parts
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document, find_case, read_document
+from resilience.case.feeder import FeederError, finish_network, read_feeder
+from resilience.case.inline import read_inline
 from resilience.case.network import FloatArray, did_you_mean
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.parts import Parts
@@ -19,10 +21,11 @@ from resilience.case.schema import (
     DefaultsTable,
     HeadTable,
     LineTable,
+    NetworkTable,
     ProfilesTable,
     TimeTable,
 )
-from resilience.case.tables import read_list, read_table, show
+from resilience.case.tables import read_list, read_table, show, unknown_key
 from resilience.case.window import Window
 from resilience.errors import CaseError
 
@@ -42,13 +45,12 @@ def build_case(document: Document) -> Case:
         raise CaseError(document.problems)
     head = _read_head(document)
     parts = Parts(document, window=_read_window(document))
-    _read_lines(parts)
-    network = _required(document, "network", 'for example pandapower = "case33bw"')
-    if network is not None:
-        parts.read_network(network)
+    entries = read_list(LineTable, "line", document.data.get("line", []), document, ("line",))
+    parts.lines = [(table, title) for table, title, _ in entries]
+    _read_network(parts)
     for kind, model in DEVICES.items():
-        entries = read_list(model, kind, document.data.get(kind, []), document, (kind,))
-        parts.devices[kind] = [(table, title) for table, title, _ in entries]
+        tables = read_list(model, kind, document.data.get(kind, []), document, (kind,))
+        parts.devices[kind] = [(table, title) for table, title, _ in tables]
     check_parts(parts)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
@@ -75,56 +77,79 @@ def build_case(document: Document) -> Case:
 
 
 def _read_head(document: Document) -> HeadTable:
-    for key in document.data:
-        if key not in CaseTable.model_fields:
-            hint = did_you_mean(key, CaseTable.model_fields, shown=30)
-            document.add((key,), "", key, "an unknown key or table", "those of a case", hint)
+    for key in document.data.keys() - CaseTable.model_fields.keys():
+        document.add((key,), "", key, *unknown_key(CaseTable, key))
     raw = {k: v for k, v in document.data.items() if k in HeadTable.model_fields}
     head, _ = read_table(HeadTable, raw, document, "", ())
-    section = document.data.get("defaults", {})
-    raw_defaults = {k: v for k, v in section.items()} if isinstance(section, dict) else section
-    read_table(DefaultsTable, raw_defaults, document, "[defaults]", ("defaults",))
+    defaults = document.data.get("defaults", {})
+    read_table(DefaultsTable, defaults, document, "[defaults]", ("defaults",))
     return head
 
 
-def _required(document: Document, key: str, hint: str) -> Any:
-    if key not in document.data:
-        document.add((), f"[{key}]", "", "nothing", "a table", hint)
-    return document.data.get(key)
+def _required(document: Document, key: str, hint: str) -> dict[str, Any] | None:
+    """Return a table that every case needs, or `None` where it is missing or no table."""
+    raw = document.data.get(key)
+    if not isinstance(raw, dict):
+        found = "nothing" if raw is None else show(raw)
+        document.add((key,), f"[{key}]", "", found, "a table", hint)
+        return None
+    return raw
 
 
 def _read_window(document: Document) -> Window | None:
     raw = _required(document, "time", "add [time] with start, slots and step_min")
     if raw is None:
         return None
-    table, sound = read_table(TimeTable, raw, document, "[time]", ("time",))
+    table, _ = read_table(TimeTable, raw, document, "[time]", ("time",))
     if table.start is not None and table.start.tzinfo is not None:
         where, hint = ("time", "start"), "profiles and outages are in local time; drop the offset"
         document.add(where, "[time]", "start", show(table.start), "a time without offset", hint)
         return None
-    return Window(table.start, table.slots, table.step_min) if sound else None
+    if None in (table.start, table.slots, table.step_min):
+        return None
+    return Window(table.start, table.slots, table.step_min)
 
 
-def _read_lines(parts: Parts) -> None:
-    entries = read_list(
-        LineTable, "line", parts.document.data.get("line", []), parts.document, ("line",)
-    )
-    parts.lines = [(table, title) for table, title, _ in entries]
+def _read_network(parts: Parts) -> None:
+    document, where = parts.document, ("network",)
+    raw = _required(document, "network", 'add [network] with, say, pandapower = "case33bw"')
+    if raw is None:
+        return
+    head = {key: value for key, value in raw.items() if key not in ("bus", "line")}
+    parts.inline = read_inline(document, raw.get("bus", []), raw.get("line", []))
+    table, sound = read_table(NetworkTable, head, document, "[network]", where)
+    if not sound:
+        # Names of buses and lines can be checked all the same: go on with the keys that are right.
+        right = {key: value for key, value in head.items() if getattr(table, key, None) is not None}
+        table = NetworkTable.model_validate(right)
+    inline = {
+        "bus": tuple(parts.inline.buses.values()),
+        "line": tuple(line for line, _ in parts.inline.lines),
+    }
+    table = table.model_copy(update=inline)
+    try:
+        network = read_feeder(table).network
+    except FeederError as error:
+        key, *rest = error.args
+        document.add((*where, key), "[network]", key, *rest)
+    else:
+        lines = [line for line, _ in parts.lines if line.name and network.has_line(line.name)]
+        parts.network = finish_network(network, table, lines)
 
 
 def _read_profiles(parts: Parts) -> dict[str, FloatArray]:
     document = parts.document
     raw = document.data.get("profiles", {})
     table, sound = read_table(ProfilesTable, raw, document, "[profiles]", ("profiles",))
-    uses = list(_profile_uses(parts))
-    if not sound or parts.window is None:
+    if parts.window is None:
         return {}
+    uses = list(_profile_uses(parts))
     prices = {name: key == "price_profile" for _, _, key, name in uses}
-    arrays, known, findings = read_profiles(table, parts.window, prices)
+    arrays, known, findings = read_profiles(table.file, table.columns or {}, parts.window, prices)
     for key, *rest in findings:
         document.add(("profiles", key), "[profiles]", key, *rest)
     for where, title, key, name in uses:
-        if known is not None and name not in known:
+        if sound and known is not None and name not in known:
             hint = did_you_mean(name, sorted(known)) if known else "add [profiles] with a file"
             document.add(where, title, key, show(name), "a column of the profiles", hint)
     return arrays
@@ -145,6 +170,7 @@ def _read_outages(parts: Parts, head: HeadTable) -> tuple[Outage, ...]:
     document = parts.document
     file = document.file_of("outages")
     specs, problems = split_specs(head.outages, file, "outages")
-    outages, more = place_outages(specs, file, parts.network, parts.window)
+    network = parts.network if parts.inline.complete else None
+    outages, more = place_outages(specs, file, network, parts.window)
     document.problems += [*problems, *more]
     return outages

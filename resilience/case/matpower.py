@@ -67,7 +67,7 @@ def feeder_from_matpower(path: Path) -> Feeder:
     try:
         tables = _read(path.read_text(encoding="utf-8", errors="replace"))
         return _feeder(tables)
-    except (ValueError, IndexError, KeyError, SyntaxError) as error:
+    except (ValueError, ArithmeticError, LookupError, SyntaxError) as error:
         hint = "mpc.baseMVA, mpc.bus and mpc.branch are needed, as MATPOWER's savecase writes them"
         raise FeederError(
             "file", f"{path.name}: {error}", "a MATPOWER case, version 2", hint

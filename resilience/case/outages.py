@@ -31,9 +31,12 @@ class HasHorizon(Protocol):
     """Anything with a network and a horizon; a `Case` is one."""
 
     @property
-    def network(self) -> Network: ...
+    def network(self) -> Network:
+        """The network whose lines go out."""
+
     @property
-    def window(self) -> Window: ...
+    def window(self) -> Window:
+        """The horizon."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class _Spec:
     stop: str
 
 
-class _Mistake(Exception):
+class _TimeError(Exception):
     """What is wrong with one outage: (allowed, hint)."""
 
 
@@ -131,8 +134,8 @@ def place_outages(
             continue
         try:
             first, stop = _slots(spec, window)
-        except _Mistake as mistake:
-            allowed, hint = mistake.args
+        except _TimeError as error:
+            allowed, hint = error.args
             problems.append(Problem(file, spec.where, "", repr(spec.text), allowed, hint))
         else:
             outages.append(Outage(spec.line, first, stop))
@@ -143,13 +146,13 @@ def _slots(spec: _Spec, window: Window) -> tuple[int, int]:
     start = _time(spec.start, window, None)
     stop = _time(spec.stop, window, start)
     if stop <= start:
-        raise _Mistake(
+        raise _TimeError(
             "an end after the start",
             "swap the two times, or mark the day: 22:00-d2 02:00",
         )
     first, last = window.span(start, stop)
     if first >= last:
-        raise _Mistake(f"times within the horizon, {window}", "move the outage or the horizon")
+        raise _TimeError(f"times within the horizon, {window}", "move the outage or the horizon")
     return first, last
 
 
@@ -163,7 +166,9 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
         if (hours, minutes, seconds) > (24, 0, 0) or minutes > 59 or seconds > 59:
             raise ValueError
     except ValueError:
-        raise _Mistake(f"times as HH:MM, not {text!r}", "hours run to 24, minutes to 59") from None
+        raise _TimeError(
+            f"times as HH:MM, not {text!r}", "hours run to 24, minutes to 59"
+        ) from None
     midnight = window.start.replace(hour=0, minute=0, second=0, microsecond=0)
     clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
     if match["day"] is not None:

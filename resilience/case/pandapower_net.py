@@ -93,10 +93,8 @@ def _call(name: str) -> Tables:
     logger = logging.getLogger("pandapower")
     level = logger.level
     with warnings.catch_warnings():
-        # pandapower's own use of pandas and of missing numba is not for our users to mend.
-        warnings.filterwarnings("ignore", category=FutureWarning)
-        warnings.filterwarnings("ignore", category=DeprecationWarning)
-        warnings.filterwarnings("ignore", category=UserWarning)
+        # Its power flows warn of missing numba and of features it is about to drop.
+        warnings.filterwarnings("ignore", module=r"pandapower\b")
         logger.setLevel(logging.ERROR)
         try:
             frames = _frames(name)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from functools import lru_cache
@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resilience.case.network import FloatArray
-from resilience.case.schema import ProfilesTable
 from resilience.case.window import Window
 
 Finding = tuple[str, str, str, str]
@@ -92,8 +91,9 @@ def _read_csv(path: Path) -> ProfileFile:
                 f"{len(names)}, as in the header",
                 "a comma is missing or too many; decimals take a point",
             )
-    columns = dict(zip(names, zip(*rows[1:], strict=True), strict=True)) if len(rows) > 1 else {}
-    return ProfileFile(_to_times(columns.pop("time", ())), columns)
+    cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(names)
+    columns: dict[str, tuple[str, ...]] = dict(zip(names, cells, strict=True))
+    return ProfileFile(_to_times(columns.pop("time")), columns)
 
 
 def _read_parquet(path: Path) -> ProfileFile:
@@ -203,7 +203,10 @@ def find_window(file: ProfileFile, window: Window) -> slice:
 
 
 def read_profiles(
-    table: ProfilesTable, window: Window, uses: Mapping[str, bool]
+    path: str | None,
+    inline: Mapping[str, Sequence[float]],
+    window: Window,
+    uses: Mapping[str, bool],
 ) -> tuple[dict[str, FloatArray], set[str] | None, list[Finding]]:
     """Cut the profiles that a case uses, and all inline ones, to the horizon.
 
@@ -212,18 +215,18 @@ def read_profiles(
     """
     arrays: dict[str, FloatArray] = {}
     findings: list[Finding] = []
-    known: set[str] | None = set(table.columns)
-    if table.file:
+    known: set[str] | None = set(inline)
+    if path:
+        known = None
         try:
-            file = read_profile_file(Path(table.file))
-            known = set(table.columns) | set(file.raw)
+            file = read_profile_file(Path(path))
+            known = set(inline) | set(file.raw)
             rows = find_window(file, window)
-            for name in sorted(uses.keys() & file.raw.keys() - table.columns.keys()):
+            for name in sorted(uses.keys() & file.raw.keys() - inline.keys()):
                 arrays[name] = file.column(name)[rows].copy()
         except ProfileError as error:
             findings.append(error.args)
-            known = known if known and known != set(table.columns) else None
-    for name, values in table.columns.items():
+    for name, values in inline.items():
         if len(values) < window.slots:
             hint = "give one value per slot"
             found = f"{len(values)} values"

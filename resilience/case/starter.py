@@ -96,52 +96,51 @@ def _quote(text: str) -> str:
 def _devices(feeder: Feeder) -> str:
     total_mw = sum(load.p_mw for load in feeder.load if load.p_mw > 0)
     tables = [
-        *_loads(feeder),
-        *(("pv", i, {"p_max_mw": i.p_mw}) for i in feeder.static if i.p_mw > 0),
-        *(("generator", i, _generator(feeder, i)) for i in feeder.generator if i.p_mw > 0),
-        *(("grid", i, _grid(feeder, i, total_mw)) for i in feeder.grid),
+        *(("load", load, _load(load)) for load in _bus_loads(feeder) if load.p_mw > 0),
+        *(("pv", unit, {}) for unit in feeder.static if unit.p_mw > 0),
+        *(
+            ("generator", unit, {"cost_per_mwh": 100.0})
+            for unit in feeder.generator
+            if unit.p_mw > 0
+        ),
+        *(("grid", grid, _grid(grid)) for grid in feeder.grid),
     ]
     names = unique_names(injection.name for _, injection, _ in tables)
     blocks = []
-    for (kind, injection, values), name in zip(tables, names, strict=True):
-        lines = [f"name = {_quote(name)}", f"bus = {_quote(injection.bus)}"]
+    for (kind, unit, values), name in zip(tables, names, strict=True):
+        key = "import_max_mw" if kind == "grid" else "p_max_mw"
+        # A connection without a limit of its own gets half as much again as the load.
+        p_mw = unit.p_mw if unit.p_mw > 0 else 1.5 * total_mw
+        lines = [f"name = {_quote(name)}", f"bus = {_quote(unit.bus)}"]
+        lines.append(f"{key} = {_power(feeder, unit.bus, p_mw)}")
         lines += [f"{key} = {value!r}" for key, value in values.items()]
         blocks.append("\n".join([f"\n[[{kind}]]", *lines, ""]))
     return "".join(blocks)
 
 
-def _loads(feeder: Feeder) -> list[tuple[str, Injection, dict[str, float]]]:
-    """Return one load per bus, with the power factor of what is connected there."""
-    p_mw: dict[str, float] = defaultdict(float)
-    q_mvar: dict[str, float] = defaultdict(float)
-    for load in feeder.load:
-        p_mw[load.bus] += load.p_mw
-        q_mvar[load.bus] += load.q_mvar
-    tables = []
-    for bus, p in p_mw.items():
-        if p > 0:
-            values = {"p_max_mw": round(p, 9)}
-            if q_mvar[bus] > 0:
-                values["power_factor"] = round(p / math.hypot(p, q_mvar[bus]), 6)
-            tables.append(("load", Injection(f"load {bus}", bus, p), values))
-    return tables
-
-
-def _carried(feeder: Feeder, bus: str, p_mw: float) -> float:
-    """Return a power, cut to what one busbar carries; sources state 9999 MW and the like."""
+def _power(feeder: Feeder, bus: str, p_mw: float) -> str:
+    """Write a power; sources state 9999 MW and the like, and LV buses with the load of a city."""
     vn_kv = float(feeder.network.vn_kv[feeder.network.bus(bus)])
-    return round(min(p_mw, _MAX_CURRENT_KA * math.sqrt(3.0) * vn_kv), 6)
+    limit_mw = _MAX_CURRENT_KA * math.sqrt(3.0) * vn_kv
+    if p_mw > limit_mw:
+        return f"{limit_mw:.6g} # cut from {p_mw:.6g}, more than a busbar at {vn_kv:g} kV carries"
+    return repr(round(p_mw, 9))
 
 
-def _generator(feeder: Feeder, unit: Injection) -> dict[str, float]:
-    return {"p_max_mw": _carried(feeder, unit.bus, unit.p_mw), "cost_per_mwh": 100.0}
+def _bus_loads(feeder: Feeder) -> list[Injection]:
+    """Return the loads added up by bus."""
+    sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
+    for load in feeder.load:
+        sums[load.bus][0] += load.p_mw
+        sums[load.bus][1] += load.q_mvar
+    return [Injection(f"load {bus}", bus, p_mw, q_mvar) for bus, (p_mw, q_mvar) in sums.items()]
 
 
-def _grid(feeder: Feeder, grid: Injection, total_mw: float) -> dict[str, float]:
-    """Return a connection with the source's limit, or else one for half as much again as the load."""
-    import_max_mw = grid.p_mw if grid.p_mw > 0 else 1.5 * total_mw
-    return {
-        "import_max_mw": _carried(feeder, grid.bus, import_max_mw),
-        "import_cost_per_mwh": 50.0,
-        "v_pu": min(max(grid.v_pu, 0.9), 1.1),
-    }
+def _load(load: Injection) -> dict[str, float]:
+    if load.q_mvar <= 0:
+        return {}
+    return {"power_factor": round(load.p_mw / math.hypot(load.p_mw, load.q_mvar), 6)}
+
+
+def _grid(grid: Injection) -> dict[str, float]:
+    return {"import_cost_per_mwh": 50.0, "v_pu": min(max(grid.v_pu, 0.9), 1.1)}

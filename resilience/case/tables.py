@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import date
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
@@ -50,18 +49,12 @@ def show(value: Any, limit: int = 60) -> str:
 
 
 def read_table(
-    model: type[T],
-    raw: Any,
-    document: Document,
-    table: str,
-    where: Where,
-    place: Callable[[str], tuple[str, Where]] | None = None,
+    model: type[T], raw: Any, document: Document, table: str, where: Where
 ) -> tuple[T, bool]:
     """Check one table. Returns it and whether it is sound; mistakes go to the document.
 
     An unsound table holds `None` where a value is wrong or missing, so that the rules which do
-    not need that value can still be checked. `place` may send the mistakes of a key to another
-    table: it returns the title and the place for a key.
+    not need that value can still be checked.
     """
     if not isinstance(raw, dict):
         hint = f"write {table} on a line of its own and the keys below it"
@@ -74,8 +67,7 @@ def read_table(
         for error in errors.errors(include_url=False):
             key = str(error["loc"][0])
             bad.add(key)
-            title, at = place(key) if place else (table, where)
-            document.add((*at, key), title, *_describe(model, error, raw))
+            document.add((*where, key), table, *_describe(model, error, raw))
         return _partial(model, raw, bad), False
 
 
@@ -84,7 +76,7 @@ def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str,
     loc, kind = error["loc"], error["type"]
     key = str(loc[0]) + "".join(f"[{i + 1}]" if isinstance(i, int) else f".{i}" for i in loc[1:])
     if kind == "extra_forbidden":
-        return (key, *_unknown_key(model, key))
+        return (key, *unknown_key(model, key))
     field = _field(model, str(loc[0]))
     about = (field.description if field else None) or "see the case reference"
     if kind == "missing" and len(loc) == 1:
@@ -94,14 +86,18 @@ def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str,
     hint = f"{loc[0]} is: {about}"
     if kind in ("float_type", "int_type", "bool_type") and isinstance(error["input"], str):
         hint = f"remove the quotes; {hint}"
-    if key == "vn_kv" and kind == "less_than_equal":
-        hint = "the voltage is probably in V; give it in kV"
+    if kind == "less_than_equal" and key == "vn_kv":
+        hint = "probably V given as kV; divide by 1000"
+    elif kind == "less_than_equal" and error["ctx"]["le"] == 1 and error["input"] <= 100:
+        hint = f"probably percent; divide by 100 ({hint})"
     return key, found, allowed, hint
 
 
-def _unknown_key(model: type[Table], key: str) -> tuple[str, str, str]:
+def unknown_key(model: type[Table], key: str) -> tuple[str, str, str]:
+    """Return `(value, allowed, hint)` for a key that a table does not have."""
     known = [f.alias or name for name, f in model.model_fields.items()]
-    return "an unknown key", "the keys of this table", did_you_mean(key, known, shown=30)
+    hint = did_you_mean(key, known)
+    return "an unknown key", ", ".join(known), hint if hint.startswith("did") else "remove it"
 
 
 def _field(model: type[Table], key: str) -> FieldInfo | None:
@@ -120,8 +116,7 @@ def _partial(model: type[T], raw: dict[str, Any], bad: set[str]) -> T:
             values[name] = None
         else:
             values[name] = field.get_default(call_default_factory=True)
-    partial: T = model.model_construct(**values)
-    return partial
+    return cast(T, model.model_construct(**values))
 
 
 def read_list(
@@ -135,19 +130,10 @@ def read_list(
     defaults = _defaults(model, kind, document)
     found = []
     for number, entry in enumerate(raw, start=1):
-        is_table = isinstance(entry, dict)
-        name, given = (entry_name(kind, entry), set(entry)) if is_table else ("", set())
+        name = entry_name(kind, entry) if isinstance(entry, dict) else ""
         title = f"[[{kind}]] {name or f'#{number}'}"
-
-        def place(
-            key: str, given: set[str] = given, title: str = title, at: Where = (*where, name)
-        ) -> tuple[str, Where]:
-            if key in defaults and key not in given:
-                return f"[defaults.{kind}]", ("defaults", kind)
-            return title, at
-
-        full = defaults | entry if is_table else entry
-        table, sound = read_table(model, full, document, title, (*where, name), place)
+        full = defaults | entry if isinstance(entry, dict) else entry
+        table, sound = read_table(model, full, document, title, (*where, name))
         found.append((table, title, sound))
     return found
 
@@ -160,5 +146,5 @@ def _defaults(model: type[Table], kind: str, document: Document) -> dict[str, An
         return {}
     for key in given.keys() - model.model_fields.keys():
         where = ("defaults", kind, key)
-        document.add(where, f"[defaults.{kind}]", key, *_unknown_key(model, key))
+        document.add(where, f"[defaults.{kind}]", key, *unknown_key(model, key))
     return {key: value for key, value in given.items() if key in model.model_fields}

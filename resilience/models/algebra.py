@@ -56,7 +56,8 @@ class Affine:
     def _coerce(self, other: Any) -> Affine:
         if isinstance(other, Affine):
             return other
-        return Affine.constant(other, self.n)
+        value = np.asarray(other, float)
+        return Affine.constant(value, self.n if value.size == 1 else len(value))
 
     def __add__(self, other: Any) -> Affine:
         other = self._coerce(other)
@@ -83,9 +84,11 @@ class Affine:
     def __mul__(self, factor: ArrayLike) -> Affine:
         if isinstance(factor, Affine):
             raise TypeError("the product of two affine expressions is not affine")
-        scale = np.broadcast_to(np.asarray(factor, float), (self.n,))
+        factor = np.asarray(factor, float)
+        wide = self._stretched(self.n if factor.size == 1 else len(factor))
+        scale = np.broadcast_to(factor, (wide.n,))
         return Affine(
-            self.rows, self.ids, self.values * scale[self.rows], self.const * scale, self.labels
+            wide.rows, wide.ids, wide.values * scale[wide.rows], wide.const * scale, wide.labels
         )
 
     __rmul__ = __mul__

@@ -52,8 +52,11 @@ def cone_rows(structure: Unrolled) -> tuple[list[sp.csr_array], list[Floats]]:
     return matrices, [cu + cv, *[2.0 * c for c in cxs], cu - cv]
 
 
-def conic_bound(problem: Standard, v: Vectors, rows: Floats, cones: dict[int, Floats]) -> float:
-    """`safe_bound` with second-order multipliers (k + 1, n) per structure, moved into the cone."""
+def cone_share(problem: Standard, cones: dict[int, Floats]) -> tuple[Floats, float]:
+    """What multipliers (k + 1, n) per structure, moved into the cone, add to the Lagrangian.
+
+    Returns the slope (columns,) and the offset of  sum_k lambda_k'(G_k z + g_k).
+    """
     slope, offset = np.zeros(problem.n_columns), 0.0
     for k, multipliers in cones.items():
         matrices, consts = cone_rows(problem.structures[k])
@@ -62,4 +65,4 @@ def conic_bound(problem: Standard, v: Vectors, rows: Floats, cones: dict[int, Fl
         for m, c, y in zip(matrices, consts, moved, strict=True):
             slope += m.T @ y
             offset += float(c @ y)
-    return safe_bound(problem.a, v, v.row_lower, v.row_upper, rows, slope, offset)
+    return slope, offset

@@ -56,6 +56,25 @@ class Form:
         """Number of columns that every node gets anew."""
         return self.n_columns - self.n_now
 
+    def block(self, name: str) -> Block:
+        """The block of a variable of its own. Raises `KeyError` for an unknown name."""
+        found = next((b for b in self.own if b.name == name), None)
+        if found is None:
+            raise KeyError(f"no variable {name!r}; there are {', '.join(b.name for b in self.own)}")
+        return found
+
+    def row(self, name: str) -> int:
+        """Which of the stage's named constraints is `name`. Raises `KeyError` for none."""
+        names = [row.name for row in self.stage.rows]
+        if name not in names:
+            raise KeyError(f"no constraint {name!r}; there are {', '.join(names)}")
+        return names.index(name)
+
+    def span(self, block: Block) -> range:
+        """Where a block lies among the columns that every node gets anew."""
+        start = int(self.position[block.start]) - self.n_now if block.n else 0
+        return range(start, start + block.n)
+
     def matrix(self, x: Affine) -> sp.csr_array:
         """Coefficients of the columns, (x.n, n_columns)."""
         at = x.ids >= 0

@@ -96,8 +96,7 @@ def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
         supply: (buses,) what each bus can feed in at most.
         demand: (buses,) what each bus can take at most.
     """
-    total = np.maximum(supply.sum(), demand.sum())
-    limit = np.full(len(network.line_names), total)
+    limit = np.full(len(network.line_names), _widest(supply, demand))
     graph = nx.Graph()
     graph.add_nodes_from(range(len(network.bus_names)))
     graph.add_edges_from(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True))
@@ -117,6 +116,13 @@ def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
     out = np.minimum(below[child, 0], above[child, 1])
     found: Floats = np.maximum(into, out)
     return found
+
+
+def _widest(supply: Floats, demand: Floats) -> float:
+    """The most that any two groups of buses can send each other, wherever one bus of them is."""
+    sent, taken = supply.sum(), demand.sum()
+    with_it, to_it = np.minimum(sent, taken - demand), np.minimum(sent - supply, taken)
+    return float(np.maximum(with_it, to_it).min())
 
 
 def _rooted(graph: nx.Graph) -> tuple[list[int], Ints]:

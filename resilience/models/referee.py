@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.models.algebra import Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-5
@@ -42,30 +43,36 @@ def audit(problem: Standard, z: Floats, vectors: Vectors) -> Audit:
     worst: dict[str, float] = {}
     where: dict[str, str] = {}
 
-    def note(name: str, violation: Floats, label: str) -> None:
-        value = float(violation.max(initial=0.0))
-        if value >= worst.get(name, -1.0):
-            worst[name], where[name] = value, label
+    def note(name: str, violation: Floats, called: Callable[[int], str]) -> None:
+        if not len(violation):
+            return
+        violation = np.where(np.isnan(violation), np.inf, violation)  # no number holds nothing
+        k = int(np.argmax(violation))
+        if violation[k] >= worst.get(name, -1.0):
+            worst[name], where[name] = float(violation[k]), called(k)
+
+    def note_rows(name: str, at: Ints) -> None:
+        note(name, rows[at], lambda k: problem.row_name(int(at[k])))
 
     rows = row_violations(problem, z, vectors)
     for form, table in zip(problem.forms, problem.row_tables, strict=True):
-        for k, row in enumerate(form.stage.rows):
-            at = table[:, form.row_start[k] : form.row_start[k + 1]].ravel()
-            found = rows[at]
-            note(row.name, found, problem.row_name(int(at[np.argmax(found)])))
-    bounds = _bound_violations(z, vectors)
-    note("bounds", bounds, problem.column_name(int(np.argmax(bounds))))
-    if problem.integer.any():
-        at = np.flatnonzero(problem.integer)
-        found = np.abs(z[at] - np.round(z[at]))
-        note("integrality", found, problem.column_name(int(at[np.argmax(found)])))
+        for i, row in enumerate(form.stage.rows):
+            note_rows(row.name, table[:, form.row_start[i] : form.row_start[i + 1]].ravel())
+    note_rows("cut", np.arange(problem.n_rows - problem.n_cut_rows, problem.n_rows))
+    note("bounds", _bound_violations(z, vectors), problem.column_name)
+    whole = np.flatnonzero(problem.integer)
+    off = np.abs(z[whole] - np.round(z[whole]))
+    note("integrality", off, lambda k: problem.column_name(int(whole[k])))
     for structure in problem.structures:
         found = structure_violations(structure, z)
-        k = int(np.argmax(found))
-        slot = problem.tree.labels[structure.nodes[k // len(structure.labels)]]
-        label = structure.labels[k % len(structure.labels)]
-        note(structure.name, found, f"{structure.name}[{label}, {slot}]")
+        note(structure.name, found, partial(_element, problem, structure))
     return Audit(worst, where)
+
+
+def _element(problem: Standard, structure: Unrolled, k: int) -> str:
+    node, label = divmod(k, len(structure.labels))
+    slot = problem.tree.labels[structure.nodes[node]]
+    return f"{structure.name}[{structure.labels[label]}, {slot}]"
 
 
 def row_violations(problem: Standard, z: Floats, v: Vectors) -> Floats:
@@ -99,7 +106,8 @@ def _split(s: Unrolled, args: list[Floats]) -> Floats:
 def _cone(s: Unrolled, args: list[Floats]) -> Floats:
     u, v, *xs = args
     square = sum((x**2 for x in xs), np.zeros(s.n))
-    return np.abs(u * v - square) / (1.0 + square)
+    found: Floats = np.abs(u * v - square) / (1.0 + square)
+    return found
 
 
 def _disc(s: Unrolled, args: list[Floats]) -> Floats:
@@ -108,7 +116,8 @@ def _disc(s: Unrolled, args: list[Floats]) -> Floats:
 
 
 def _largest(s: Unrolled, args: list[Floats]) -> Floats:
-    return np.abs(args[0] - np.max(args[1:], axis=0))
+    found: Floats = np.abs(args[0] - np.max(args[1:], axis=0))
+    return found
 
 
 def _adjacent(s: Unrolled, args: list[Floats]) -> Floats:
@@ -130,21 +139,20 @@ _MEASURES = {
 def settle(problem: Standard, z: Floats, vectors: Vectors) -> Floats:
     """Rounds off solver dust and makes every `largest` tight, node by node.
 
-    Integers within tolerance are rounded; y becomes the maximum it was only held above.
+    Integers within tolerance are rounded; y becomes the maximum it was only held above. A node
+    comes after its parent, whichever stages the two are of, since y may be a state.
     """
     z = np.clip(z, vectors.lower, vectors.upper)
     whole = np.flatnonzero(problem.integer & (np.abs(z - np.round(z)) < TOLERANCE))
     z[whole] = np.round(z[whole])
-    for structure in problem.structures:
-        if structure.kind != "largest":
-            continue
-        y = structure.matrices[0].indices
-        width = len(structure.labels)
-        for k in range(len(structure.nodes)):
-            at = slice(k * width, (k + 1) * width)
-            args = [
-                m[at] @ z + c[at]
-                for m, c in zip(structure.matrices[1:], structure.consts[1:], strict=True)
-            ]
-            z[y[at]] = np.max(args, axis=0)
+    tight = [structure for structure in problem.structures if structure.kind == "largest"]
+    order = sorted((node, k, i) for k, s in enumerate(tight) for i, node in enumerate(s.nodes))
+    for _, k, i in order:
+        structure, width = tight[k], len(tight[k].labels)
+        at = slice(i * width, (i + 1) * width)
+        args = [
+            m[at] @ z + c[at]
+            for m, c in zip(structure.matrices[1:], structure.consts[1:], strict=True)
+        ]
+        z[structure.matrices[0].indices[at]] = np.max(args, axis=0)
     return z

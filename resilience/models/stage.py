@@ -166,6 +166,8 @@ class Stage:
     def cost(self, name: str, term: Affine, price: Any = 1.0) -> None:
         """Adds `sum(price * term)` $ per step under `name`; `price` may be data."""
         worth = price if isinstance(price, Affine) else Affine.constant(price, term.n)
+        if worth.n != term.n:
+            raise ValueError(f"cost {name!r}: {worth.n} prices for {term.n} terms")
         if worth.has_variables or (worth.has_data and term.has_data):
             raise ValueError(f"cost {name!r}: a price may be data, but only of pure variables")
         self.costs.append(Cost(name, term, worth))
@@ -187,8 +189,8 @@ class Stage:
 
         `bounds` of the two may be data; `limits` are the constants they never exceed.
         """
-        pos = self.var(f"{name}.{parts[0]}", of, 0.0, bounds[0])
-        neg = self.var(f"{name}.{parts[1]}", of, 0.0, bounds[1])
+        pos = self.var(f"{name}.{parts[0]}", of, 0.0, bounds[0], about=f"power, {parts[0]}")
+        neg = self.var(f"{name}.{parts[1]}", of, 0.0, bounds[1], about=f"power, {parts[1]}")
         most = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
         self._structure(name, "split", (pos, neg), most)
         return pos, neg
@@ -239,6 +241,8 @@ class Stage:
     ) -> None:
         if args[0].n == 0:
             return
+        if any(arg.n != args[0].n for arg in args):
+            raise ValueError(f"structure {name!r}: its arguments are of different lengths")
         if any(arg.has_data for arg in args):
             raise ValueError(f"structure {name!r}: data may not enter a {kind}")
         labels = next((a.labels for a in args if a.labels), _numbers(args[0].n))

@@ -65,7 +65,8 @@ class Unrolled:
     @cached_property
     def columns(self) -> Ints:
         """(arguments, n) column of each argument, where every argument is one plain column."""
-        if any((np.diff(m.indptr) != 1).any() for m in self.matrices):
+        plain = [(np.diff(m.indptr) == 1).all() and (m.data == 1.0).all() for m in self.matrices]
+        if not all(plain) or any(const.any() for const in self.consts):
             raise ValueError(f"the arguments of {self.name!r} are not plain columns")
         return np.array([m.indices for m in self.matrices], np.intp)
 
@@ -97,6 +98,11 @@ class Standard:
         return int(self.a.shape[0])
 
     @property
+    def n_cut_rows(self) -> int:
+        """Number of rows that are cuts: one per cut and leaf."""
+        return len(self.cuts) * len(self.tree.leaves)
+
+    @property
     def future(self) -> Ints:
         """Columns of the cost to go, one per leaf of the tree."""
         return self.n_states + np.arange(len(self.tree.leaves))
@@ -110,18 +116,25 @@ class Standard:
         return total
 
     def columns(self, name: str) -> Ints:
-        """(labels, nodes) columns of a variable."""
+        """(labels, nodes) columns of a variable.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
         parts = []
         for form, table in zip(self.forms, self.tables, strict=True):
-            block = next(b for b in form.own if b.name == name)
-            parts.append(table[:, form.position[block.slice]].T)
+            parts.append(table[:, form.position[form.block(name).slice]].T)
         return self._in_node_order(parts)
 
     def rows(self, name: str) -> Ints:
-        """(labels, nodes) rows of a named constraint."""
+        """(labels, nodes) rows of a named constraint.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
         parts = []
         for form, table in zip(self.forms, self.row_tables, strict=True):
-            k = next(i for i, row in enumerate(form.stage.rows) if row.name == name)
+            k = form.row(name)
             parts.append(table[:, form.row_start[k] : form.row_start[k + 1]].T)
         return self._in_node_order(parts)
 
@@ -140,7 +153,13 @@ class Standard:
 
     def labels(self, name: str) -> Labels:
         """Labels of a variable: the devices, buses or lines it has a column for."""
-        return next(b.labels for b in self.forms[0].own if b.name == name)
+        return self.forms[0].block(name).labels
+
+    def state_columns(self, node: int) -> Ints:
+        """(states,) columns of all states at the end of a node, in the order of x0."""
+        names = [block.name for _, block in self.forms[0].stage.states]
+        parts = [self.columns(name)[:, node] for name in names]
+        return np.concatenate(parts) if parts else np.empty(0, np.intp)
 
     @cached_property
     def initial(self) -> dict[str, Ints]:
@@ -198,18 +217,18 @@ class Standard:
         cost[self.future] = self.tree.probability[leaves]
         if not self.cuts:
             return
-        reach = []
+        ranges = []
         for cut in self.cuts:
             low, high = np.full(len(leaves), cut.alpha), np.full(len(leaves), cut.alpha)
             for name, beta in cut.beta.items():
                 at = self.columns(name)[:, leaves]
-                ends = np.stack([beta[:, None] * lower[at], beta[:, None] * upper[at]])
-                low, high = low + ends.min(0).sum(0), high + ends.max(0).sum(0)
-            reach.append((low, high))
-        lower[self.future] = np.max([low for low, _ in reach], axis=0)
-        upper[self.future] = np.max([high for _, high in reach], axis=0)
+                least, most = reach(beta, lower[at].T, upper[at].T)
+                low, high = low + least, high + most
+            ranges.append((low, high))
+        lower[self.future] = np.max([low for low, _ in ranges], axis=0)
+        upper[self.future] = np.max([high for _, high in ranges], axis=0)
         alphas = np.repeat([cut.alpha for cut in self.cuts], len(leaves))
-        rhs[self.n_rows - len(alphas) :] = -alphas
+        rhs[self.n_rows - self.n_cut_rows :] = -alphas
 
     def cost_terms(self, z: Floats, data: Values) -> dict[str, Floats]:
         """$ per node of every cost term, not weighted by probability, arrays (nodes,)."""
@@ -234,15 +253,13 @@ class Standard:
             k = np.searchsorted(own[:, 0], j, side="right") - 1 if own.size else -1
             if k >= 0 and own[k, 0] <= j < own[k, 0] + form.n_own:
                 at = j - own[k, 0]
-                block = next(
-                    b for b in form.own if 0 <= at + form.n_now - form.position[b.start] < b.n
-                )
-                label = block.labels[at + form.n_now - form.position[block.start]]
+                block = next(b for b in form.own if at in form.span(b))
+                label = block.labels[at - form.span(block).start]
                 return f"{block.name}[{label}, {self.tree.labels[nodes[k]]}]"
         raise IndexError(j)
 
     def row_name(self, i: int) -> str:
-        """`ess.dynamics[ess2, 14:30]`."""
+        """`ess.dynamics[ess2, 14:30]`, or `cut[1, 14:30]` for the first cut at that leaf."""
         for form, table, nodes in zip(self.forms, self.row_tables, self.members, strict=True):
             if not table.size:
                 continue
@@ -253,7 +270,18 @@ class Standard:
                 row = form.stage.rows[r]
                 label = row.labels[at - form.row_start[r]]
                 return f"{row.name}[{label}, {self.tree.labels[nodes[k]]}]"
-        return f"cut[{i}]"
+        leaves = self.tree.leaves
+        cut, leaf = divmod(i - self.n_rows + self.n_cut_rows, len(leaves))
+        if 0 <= cut < len(self.cuts):
+            return f"cut[{cut + 1}, {self.tree.labels[leaves[leaf]]}]"
+        raise IndexError(i)
+
+
+def reach(beta: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+    """Least and most of beta @ x over the box, (...,) for beta and bounds (..., n)."""
+    with np.errstate(invalid="ignore"):
+        ends = np.where(beta == 0.0, 0.0, np.stack([beta * lower, beta * upper]))
+    return ends.min(axis=0).sum(axis=-1), ends.max(axis=0).sum(axis=-1)
 
 
 def _spent(term: CostForm, z: Floats, d: Floats) -> Floats:

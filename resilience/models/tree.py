@@ -16,9 +16,10 @@ class Tree:
 
     Attributes:
         parent: (nodes,) index of the node before, -1 for a root.
-        probability: (nodes,) unconditional; those of the leaves add up to 1.
+        probability: (nodes,) unconditional: those of the leaves add up to 1, and those of a node's
+            children to its own.
         stage: (nodes,) which of the stages handed to `unroll` the node is an instance of.
-        labels: a name per node, the time of its slot.
+        labels: a name per node, no two alike: the time of its slot, and where needed its scenario.
     """
 
     parent: Ints
@@ -27,11 +28,29 @@ class Tree:
     labels: Labels
 
     def __post_init__(self) -> None:
-        if (self.parent >= np.arange(self.n)).any():
-            raise ValueError("every node of a tree must come after its parent")
+        sizes = {len(self.parent), len(self.probability), len(self.stage), len(self.labels)}
+        if len(sizes) > 1:
+            raise ValueError(f"a tree of {self.n} nodes has arrays of lengths {sorted(sizes)}")
+        if len(set(self.labels)) < self.n:
+            raise ValueError("two nodes of a tree have the same label; names would be ambiguous")
+        if (self.parent >= np.arange(self.n)).any() or (self.parent < -1).any():
+            raise ValueError("every node of a tree must come after its parent, a root has -1")
+        self._check_probability()
+
+    def _check_probability(self) -> None:
         total = self.probability[self.leaves].sum()
-        if not np.isclose(total, 1.0):
+        if (self.probability < 0.0).any() or not np.isclose(total, 1.0):
             raise ValueError(f"the leaves of a tree have total probability {total}, not 1")
+        child = self.parent >= 0
+        below = np.bincount(self.parent[child], self.probability[child], minlength=self.n)
+        below[self.leaves] = self.probability[self.leaves]
+        wrong = np.flatnonzero(~np.isclose(below, self.probability))
+        if len(wrong):
+            k = wrong[0]
+            raise ValueError(
+                f"node {self.labels[k]!r} has probability {self.probability[k]:g}, "
+                f"its children {below[k]:g}"
+            )
 
     @property
     def n(self) -> int:

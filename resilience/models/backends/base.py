@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from resilience.models.algebra import Floats, Ints
-from resilience.models.standard import Vectors
+from resilience.models.standard import Standard, Vectors, reach
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
 
@@ -49,6 +49,7 @@ class Solution:
 
 
 NOTHING = Solution("none", None, np.inf, -np.inf)
+INFEASIBLE = Solution("infeasible", None, np.inf, np.inf)
 
 
 class Backend(Protocol):
@@ -60,7 +61,10 @@ class Backend(Protocol):
         """Takes new bounds, right-hand sides and costs."""
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
-        """future cost of leaf `node` >= alpha + beta @ state, for alpha (k,), beta (k, states)."""
+        """future cost of leaf `node` >= alpha + beta @ state, for alpha (k,), beta (k, states).
+
+        To be called after the first `update`; cuts outlast every later one.
+        """
 
     def solve(self) -> Solution:
         """Solves what was last given to `update`."""
@@ -70,3 +74,45 @@ def leaf_rows(states: Ints, future: int, beta: Floats) -> tuple[Ints, Floats]:
     """Columns and coefficients (k, states + 1) of the rows  beta @ state - future <= -alpha."""
     columns = np.append(states, future)
     return columns, np.hstack([beta, -np.ones((len(beta), 1))])
+
+
+@dataclass
+class LeafCuts:
+    """Cuts that came after the problem was built, per leaf: (future, states, alpha, beta)."""
+
+    problem: Standard
+    cuts: list[tuple[int, Ints, Floats, Floats]] = field(default_factory=list)
+
+    def add(self, node: int, alpha: Floats, beta: Floats) -> tuple[Ints, Floats]:
+        """Notes cuts as `Backend.add_cuts` takes them; returns their `leaf_rows`."""
+        problem = self.problem
+        future = int(problem.future[np.searchsorted(problem.tree.leaves, node)])
+        states = problem.state_columns(node)
+        self.cuts.append((future, states, np.asarray(alpha, float), np.asarray(beta, float)))
+        return leaf_rows(states, future, beta)
+
+    def opened(self, vectors: Vectors) -> Vectors:
+        """Lets every future cost with a cut move as far as its cuts can reach within the bounds.
+
+        Without cuts a future cost is held at zero. Its range is finite where the states' are, so
+        that a bound evaluated over the box stays finite too.
+        """
+        if not self.cuts:
+            return vectors
+        lower, upper = vectors.lower.copy(), vectors.upper.copy()
+        if not self.problem.cuts:
+            at = [future for future, *_ in self.cuts]
+            lower[at] = upper[at] = -np.inf
+        for future, states, alpha, beta in self.cuts:
+            low, high = reach(beta, vectors.lower[states], vectors.upper[states])
+            lower[future] = max(lower[future], float((alpha + low).max()))
+            upper[future] = max(upper[future], float((alpha + high).max()))
+        return Vectors(
+            vectors.cost, vectors.offset, lower, upper, vectors.row_lower, vectors.row_upper
+        )
+
+
+def crossed(vectors: Vectors) -> bool:
+    """Whether some lower bound lies above its upper bound by more than rounding."""
+    excess = vectors.lower - vectors.upper
+    return bool((excess > 1e-9 * (1.0 + np.abs(vectors.lower))).any())

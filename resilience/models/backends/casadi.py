@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from resilience.models.algebra import Floats, Ints
-from resilience.models.backends.base import NOTHING, Solution, leaf_rows
+from resilience.models.backends.base import INFEASIBLE, NOTHING, LeafCuts, Solution, crossed
+from resilience.models.referee import row_violations, structure_violations
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-8
+FIXED = 1e-6  # scaled violation from which columns that are fixed contradict each other
+Bools = np.ndarray
 WARM = {
     "warm_start_init_point": "yes",
     "mu_init": 1e-5,
@@ -22,8 +25,8 @@ WARM = {
 class NLP:
     """Holds affine rows, discs and cones exactly; integers and modes relaxed; no bound.
 
-    Elements of cones whose columns are all fixed (a line that is out) are left out: they would be
-    rows without variables.
+    Rows and structures in which nothing can move (a line that is out) are checked and left out:
+    they would be constraints without variables.
 
     Args:
         problem: the problem.
@@ -38,7 +41,8 @@ class NLP:
     ) -> None:
         self.problem, self.time_limit, self.penalty = problem, time_limit, penalty
         self.start: Floats | None = None
-        self._cuts: list[tuple[Ints, Floats, Floats]] = []
+        self._cuts = LeafCuts(problem)
+        self._cut_rows: list[tuple[Ints, Floats, Floats]] = []
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers."""
@@ -50,28 +54,31 @@ class NLP:
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
         """See `Backend.add_cuts`."""
-        future = int(self.problem.future[np.searchsorted(self.problem.tree.leaves, node)])
-        names = [b.name for _, b in self.problem.forms[0].stage.states]
-        states = np.concatenate([self.problem.columns(name)[:, node] for name in names])
-        columns, values = leaf_rows(states, future, beta)
-        self._cuts.append((columns, values, -alpha))
+        columns, values = self._cuts.add(node, alpha, beta)
+        self._cut_rows.append((columns, values, -np.asarray(alpha)))
 
     def solve(self) -> Solution:
         """Solves to a local optimum; 'none' where Ipopt found no feasible point."""
         import casadi as ca
 
-        v, problem = self.vectors, self.problem
-        free = np.flatnonzero(v.lower < v.upper)
-        x = ca.SX.sym("x", len(free))
-        z = ca.SX(np.where(v.lower < v.upper, 0.0, v.lower))
+        v, problem = self._cuts.opened(self.vectors), self.problem
+        live = v.lower < v.upper
+        point = np.where(live, 0.0, v.lower)
+        if crossed(v) or _broken(problem, v, point, live):
+            return INFEASIBLE
+        free = np.flatnonzero(live)
+        x, now = ca.SX.sym("x", len(free)), ca.SX.sym("now", problem.n_states)
+        z = ca.SX(point)
+        z[: problem.n_states] = now
         z[free.tolist()] = x
-        rows, low, high = self._rows(ca, z, free)
-        cost = v.cost + self.penalty * problem.penalty
-        nlp = {"x": x, "f": ca.dot(ca.DM(cost), z), "g": ca.vertcat(*rows)}
+        rows, low, high = self._constraints(ca, z, v, point, live)
+        cost = ca.dot(ca.DM(v.cost + self.penalty * problem.penalty), z)
+        nlp = {"x": x, "p": now, "f": cost, "g": ca.vertcat(*rows)}
         solver = ca.nlpsol("polish", "ipopt", nlp, self._options())
         middle = np.clip(0.0, v.lower, v.upper) if self.start is None else self.start
         answer = solver(
             x0=middle[free],
+            p=point[: problem.n_states],
             lbx=v.lower[free],
             ubx=v.upper[free],
             lbg=np.concatenate(low),
@@ -79,9 +86,10 @@ class NLP:
         )
         if not solver.stats()["success"]:
             return NOTHING
-        point = np.where(v.lower < v.upper, 0.0, v.lower)
         point[free] = np.clip(np.asarray(answer["x"]).ravel(), v.lower[free], v.upper[free])
-        return Solution("optimal", point, float(v.cost @ point + v.offset), -np.inf)
+        price = np.asarray(answer["lam_p"]).ravel()
+        value = float(v.cost @ point + v.offset)
+        return Solution("optimal", point, value, -np.inf, state_price=price)
 
     def _options(self) -> dict[str, Any]:
         settings: dict[str, Any] = {
@@ -98,21 +106,21 @@ class NLP:
             settings |= WARM
         return {"ipopt": settings, "print_time": False, "verbose_init": False}
 
-    def _rows(self, ca: Any, z: Any, free: Ints) -> tuple[list[Any], list[Floats], list[Floats]]:
-        problem, v = self.problem, self.vectors
-        live = np.zeros(problem.n_columns, bool)
-        live[free] = True
-        keep = np.flatnonzero(np.abs(problem.a) @ live.astype(float) > 0)
+    def _constraints(
+        self, ca: Any, z: Any, v: Vectors, point: Floats, live: Bools
+    ) -> tuple[list[Any], list[Floats], list[Floats]]:
+        problem = self.problem
+        keep = np.flatnonzero(_moving(problem.a, live))
         rows = [_times(ca, problem.a[keep], z)]
         low, high = [v.row_lower[keep]], [v.row_upper[keep]]
-        for columns, values, rhs in self._cuts:
+        for columns, values, rhs in self._cut_rows:
             rows.append(ca.mtimes(ca.DM(values), z[columns.tolist()]))
             low.append(np.full(len(rhs), -np.inf))
             high.append(rhs)
         for structure in problem.structures:
             if structure.kind not in ("cone", "disc"):
                 continue
-            at = _touching(structure, live)
+            at = np.flatnonzero(_alive(structure, point, live))
             args = [
                 _times(ca, m[at], z) + c[at]
                 for m, c in zip(structure.matrices, structure.consts, strict=True)
@@ -128,12 +136,29 @@ class NLP:
         return rows, low, high
 
 
-def _touching(structure: Unrolled, live: Any) -> Ints:
-    """Elements of which more than the v of a cone can still move."""
-    args = structure.matrices[:1] + structure.matrices[2:]
-    args = args if structure.kind == "cone" else structure.matrices
-    moving = sum(np.abs(m) @ live.astype(float) for m in args)
-    return np.flatnonzero(moving > 0)
+def _moving(matrix: Any, live: Bools) -> Bools:
+    """(rows,) whether a row of the matrix has a column that can move."""
+    found: Bools = np.abs(matrix) @ live.astype(float) > 0.0
+    return found
+
+
+def _alive(structure: Unrolled, point: Floats, live: Bools) -> Bools:
+    """(elements,) whether something moves that the structure says anything about."""
+    moving = [_moving(m, live) for m in structure.matrices]
+    if structure.kind == "cone":
+        moving[1] &= structure.values(point)[0] != 0.0  # 0 v = sum(x^2) leaves v free
+    found: Bools = np.any(moving, axis=0)
+    return found
+
+
+def _broken(problem: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
+    """Whether what is fixed breaks a row or a structure all by itself."""
+    found = [row_violations(problem, point, v)[~_moving(problem.a, live)]]
+    for structure in problem.structures:
+        if structure.kind in ("cone", "disc"):
+            at = ~_alive(structure, point, live)
+            found.append(structure_violations(structure, point)[at])
+    return bool(np.concatenate(found).max(initial=0.0) > FIXED)
 
 
 def _times(ca: Any, matrix: Any, z: Any) -> Any:

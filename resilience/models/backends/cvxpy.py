@@ -10,8 +10,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.models.algebra import Floats, Ints
-from resilience.models.backends.base import NOTHING, Duals, Solution, leaf_rows
-from resilience.models.certificate import cone_rows, conic_bound
+from resilience.models.backends.base import (
+    INFEASIBLE,
+    NOTHING,
+    Duals,
+    LeafCuts,
+    Solution,
+    Status,
+    crossed,
+)
+from resilience.models.certificate import cone_rows, cone_share, safe_bound
 from resilience.models.standard import Standard, Vectors
 
 
@@ -25,7 +33,7 @@ class Conic:
         problem: the problem.
         penalty: weight of the problem's penalty (losses) on top of the cost; it closes cones and
             takes no part in the objective, but voids the bound, which is then -inf.
-        elastic: lets every equality be missed at this price in $ per unit; for explanations.
+        elastic: lets every row be missed at this price in $ per unit; for explanations.
     """
 
     exact = frozenset({"affine", "disc", "largest"})
@@ -34,7 +42,8 @@ class Conic:
         self, problem: Standard, *, penalty: float = 0.0, elastic: float | None = None
     ) -> None:
         self.problem, self.penalty, self.elastic = problem, penalty, elastic
-        self._rows = (sp.csr_array((0, problem.n_columns)), np.empty(0))
+        self._cuts = LeafCuts(problem)
+        self._rows = sp.csr_array((0, problem.n_columns)), np.empty(0)
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers."""
@@ -46,25 +55,30 @@ class Conic:
         self._rows = sp.vstack([rows, g], format="csr"), np.append(sides, h)
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
-        """See `Backend.add_cuts`; the leaf's future cost must have finite bounds."""
-        future = int(self.problem.future[np.searchsorted(self.problem.tree.leaves, node)])
-        names = [b.name for _, b in self.problem.forms[0].stage.states]
-        states = np.concatenate([self.problem.columns(name)[:, node] for name in names])
-        columns, values = leaf_rows(states, future, beta)
-        g = sp.lil_array((len(alpha), self.problem.n_columns))
+        """See `Backend.add_cuts`."""
+        columns, values = self._cuts.add(node, alpha, beta)
+        g = sp.lil_array((len(values), self.problem.n_columns))
         g[:, columns] = values
-        self.add_rows(g.tocsr(), -alpha)
+        self.add_rows(g.tocsr(), -np.asarray(alpha))
+
+    def _whole(self) -> tuple[sp.csr_array, Vectors]:
+        """Matrix and vectors with the added rows behind the problem's own."""
+        (g, h), v = self._rows, self._cuts.opened(self.vectors)
+        low = np.append(v.row_lower, np.full(len(h), -np.inf))
+        whole = Vectors(v.cost, v.offset, v.lower, v.upper, low, np.append(v.row_upper, h))
+        return sp.vstack([self.problem.a, g], format="csr"), whole
 
     def solve(self) -> Solution:
         """Solves the relaxation."""
         cp: Any = importlib.import_module("cvxpy")
-        v = self.vectors
-        cost = v.cost + self.penalty * self.problem.penalty
+        a, v = self._whole()
+        if crossed(v):
+            return INFEASIBLE
         free = np.flatnonzero(v.lower < v.upper)
         held = np.where(v.lower < v.upper, 0.0, v.lower)
         x = cp.Variable(len(free))
         constraints, slack = self._constraints(x, free, held)
-        objective = cost[free] @ x
+        objective = (v.cost + self.penalty * self.problem.penalty)[free] @ x
         if slack is not None:
             objective = self.elastic * cp.norm1(slack)
         program = cp.Problem(cp.Minimize(objective), constraints)
@@ -75,33 +89,30 @@ class Conic:
             except cp.error.SolverError:
                 return NOTHING
         if program.status in ("infeasible", "infeasible_inaccurate"):
-            return Solution("infeasible", None, np.inf, np.inf)
+            return INFEASIBLE
         if x.value is None:
             return NOTHING
         z = held.copy()
         z[free] = np.clip(x.value, v.lower[free], v.upper[free])
         self.slack = None if slack is None else np.asarray(slack.value)
-        return self._solution(z, constraints, program.status == "optimal")
+        return self._solution(a, v, z, constraints, program.status == "optimal")
 
     def _constraints(self, x: Any, free: Ints, held: Floats) -> tuple[list[Any], Any]:
         cp: Any = importlib.import_module("cvxpy")
-        problem, v = self.problem, self.vectors
-        a = problem.a.tocsc()
-        known = problem.a @ held
-        equal = np.flatnonzero(problem.equality)
-        below = np.flatnonzero(~problem.equality)
-        reduced = a[:, free].tocsr()
-        slack = None if self.elastic is None else cp.Variable(len(equal))
-        missed = 0 if slack is None else slack
-        g, h = self._rows
+        a, v = self._whole()
+        sides = v.row_upper - a @ held
+        slack = None if self.elastic is None else cp.Variable(len(sides))
+        equal = np.isfinite(v.row_lower)
+        rows = np.flatnonzero(equal), np.flatnonzero(~equal)
+        reduced = a.tocsc()[:, free].tocsr()
+        left = [reduced[at] @ x + (0 if slack is None else slack[at]) for at in rows]
         found = [
-            reduced[equal] @ x + missed == (v.row_upper - known)[equal],
-            reduced[below] @ x <= (v.row_upper - known)[below],
-            g.tocsc()[:, free] @ x <= h - g @ held,
+            left[0] == sides[rows[0]],
+            left[1] <= sides[rows[1]],
             x >= v.lower[free],
             x <= v.upper[free],
         ]
-        for structure in problem.structures:
+        for structure in self.problem.structures:
             if structure.kind not in ("cone", "disc"):
                 continue
             matrices, consts = cone_rows(structure)
@@ -112,30 +123,40 @@ class Conic:
             found.append(cp.SOC(t, cp.vstack(xs), axis=0))
         return found, slack
 
-    def _solution(self, z: Floats, constraints: list[Any], done: bool) -> Solution:
-        problem, v = self.problem, self.vectors
-        rows = np.zeros(problem.n_rows)
-        rows[problem.equality] = constraints[0].dual_value
-        rows[~problem.equality] = constraints[1].dual_value
+    def _solution(
+        self, a: sp.csr_array, v: Vectors, z: Floats, constraints: list[Any], done: bool
+    ) -> Solution:
+        problem = self.problem
+        equal = np.isfinite(v.row_lower)
+        rows = np.zeros(len(equal))
+        rows[equal], rows[~equal] = (c.dual_value for c in constraints[:2])
         cones: dict[int, Floats] = {}
         kinds = [k for k, s in enumerate(problem.structures) if s.kind in ("cone", "disc")]
-        for k, constraint in zip(kinds, constraints[5:], strict=True):
+        for k, constraint in zip(kinds, constraints[4:], strict=True):
             t, xs = constraint.dual_value
             cones[k] = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
-        bound = -np.inf
-        if not self.penalty and self.elastic is None and not len(self._rows[1]):
-            bound = conic_bound(problem, v, rows, cones)
         value = float(v.cost @ z + v.offset)
-        status = "optimal" if done else "feasible"
-        return Solution(status, z, value, bound, Duals(rows, cones))  # type: ignore[arg-type]
+        status: Status = "optimal" if done else "feasible"
+        if self.penalty or self.elastic is not None:
+            return Solution(status, z, value, -np.inf, Duals(rows, cones))
+        slope, offset = cone_share(problem, cones)
+        bound = safe_bound(a, v, v.row_lower, v.row_upper, rows, slope, offset)
+        start = (v.cost + a.T @ rows - slope)[: problem.n_states]
+        return Solution(status, z, value, bound, Duals(rows, cones), start)
 
     def conflict(self, most: int = 12) -> list[str]:
-        """Names of the equalities that an elastic solve misses, the worst first."""
+        """Names of the rows that an elastic solve misses, the worst first.
+
+        Where bounds contradict each other by themselves, those are named.
+        """
+        if crossed(self.vectors):
+            beyond = np.argsort(self.vectors.upper - self.vectors.lower)[:most]
+            at = [int(j) for j in beyond if self.vectors.lower[j] > self.vectors.upper[j]]
+            return [f"bounds of {self.problem.column_name(j)}" for j in at]
         trial = Conic(self.problem, elastic=1.0)
         trial.update(self.vectors)
         if trial.solve().z is None or trial.slack is None:
             return []
         missed = np.abs(trial.slack)
-        equal = np.flatnonzero(self.problem.equality)
         worst = np.argsort(-missed)[:most]
-        return [self.problem.row_name(equal[i]) for i in worst if missed[i] > 1e-6]
+        return [self.problem.row_name(int(i)) for i in worst if missed[i] > 1e-6]

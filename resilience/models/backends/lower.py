@@ -36,6 +36,7 @@ class Lowered:
     rhs: Floats
     equality: Bools
     disc_rows: Ints
+    disc_shift: Floats
     discs: Discs = "inner"
 
     def vectors(self, vectors: Vectors) -> Vectors:
@@ -44,6 +45,7 @@ class Lowered:
         rhs = self.rhs.copy()
         if self.discs == "inner":
             rhs[self.disc_rows] *= np.cos(np.pi / SIDES)
+        rhs[self.disc_rows] -= self.disc_shift
         return Vectors(
             np.append(vectors.cost, np.zeros(extra)),
             vectors.offset,
@@ -95,10 +97,10 @@ def lower(
     if exact is None:
         exact = {k: np.ones(s.n, bool) for k, s in enumerate(problem.structures)}
     rows = _Rows(problem.n_columns, [problem.a.copy()], [], [])
-    disc_rows = [np.empty(0, np.intp)]
+    polygons = [(np.empty(0, np.intp), np.empty(0))]
     for k, structure in enumerate(problem.structures):
         if structure.kind == "disc":
-            disc_rows.append(_polygon(rows, structure))
+            polygons.append(_polygon(rows, structure))
         elif structure.kind in ("split", "adjacent"):
             chosen = np.flatnonzero(exact.get(k, np.zeros(structure.n, bool)))
             if len(chosen):
@@ -112,7 +114,8 @@ def lower(
         integer=whole,
         rhs=np.concatenate([np.empty(0), *rows.rhs]),
         equality=np.concatenate([np.empty(0, bool), *rows.equality]),
-        disc_rows=np.concatenate(disc_rows),
+        disc_rows=np.concatenate([at for at, _ in polygons]),
+        disc_shift=np.concatenate([shift for _, shift in polygons]),
         discs=discs,
     )
 
@@ -146,14 +149,17 @@ def _neighbours(rows: _Rows, adjacent: Unrolled, chosen: Ints) -> None:
         rows.add(_entries([weight, *around], values, rows.n), np.zeros(m))
 
 
-def _polygon(rows: _Rows, disc: Unrolled) -> Ints:
-    (first, second), radius = disc.matrices, disc.limits[0]
-    found = []
+def _polygon(rows: _Rows, disc: Unrolled) -> tuple[Ints, Floats]:
+    """Rows  normal . x <= radius, and how much of that each argument's constant already is."""
+    if len(disc.matrices) != 2:
+        raise ValueError(f"{disc.name!r} has {len(disc.matrices)} arguments; a polygon needs two")
+    (first, second), (c1, c2) = disc.matrices, disc.consts
+    found, shifts = [], []
     for angle in 2 * np.pi * np.arange(SIDES) / SIDES:
         normal = np.cos(angle), np.sin(angle)
-        block = first * normal[0] + second * normal[1]
-        found.append(rows.add(block, radius))
-    return np.concatenate(found)
+        found.append(rows.add(first * normal[0] + second * normal[1], disc.limits[0]))
+        shifts.append(c1 * normal[0] + c2 * normal[1])
+    return np.concatenate(found), np.concatenate(shifts)
 
 
 def tangents(problem: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:

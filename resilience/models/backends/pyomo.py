@@ -191,11 +191,7 @@ class Pyomo:
         Raises:
             UsageError: another suffix.
         """
-        if path.suffix not in FORMATS:
-            raise UsageError(
-                f"cannot export to {path.name!r}; allowed suffixes: {', '.join(FORMATS)}",
-                hint="LP is the readable one",
-            )
+        check_format(path)
         options = {} if path.suffix == ".nl" else {"symbolic_solver_labels": True}
         self.model.write(str(path), format=FORMATS[path.suffix], io_options=options)
 
@@ -254,3 +250,12 @@ class Pyomo:
 
 def _plain(name: str) -> str:
     return name.replace(".", "_").replace("-", "_")
+
+
+def check_format(path: Path) -> None:
+    """Raises UsageError unless the suffix is one that models can be written to."""
+    if path.suffix not in FORMATS:
+        raise UsageError(
+            f"cannot export to {path.name!r}; allowed suffixes: {', '.join(FORMATS)}",
+            hint="LP is the readable one",
+        )

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,7 +14,6 @@ from resilience.models.referee import structure_violations
 from resilience.models.standard import Standard
 
 CLOSED = 1e-6  # scaled violation below which a relaxed structure counts as holding
-log = logging.getLogger("resilience")
 Bools = np.ndarray
 
 
@@ -63,13 +59,6 @@ class Clock:
     def left(self) -> float:
         """Seconds left, never negative."""
         return max(self.limit - (time.perf_counter() - self.began), 0.0)
-
-
-@contextmanager
-def phase(name: str) -> Iterator[None]:
-    """Announces a phase to whoever listens to the log."""
-    log.info(name)
-    yield
 
 
 def violated(problem: Standard, z: Floats) -> dict[int, Bools]:

@@ -18,13 +18,13 @@ from resilience.models.methods.answer import (
     infeasible,
     nothing_found,
     open_cones,
-    phase,
     remains,
     sides,
     violated,
 )
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
+from resilience.progress import phase
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
 
@@ -60,7 +60,7 @@ def closed(problem: Problem, found: Solution, vectors: Vectors | None = None) ->
     for penalty in PENALTIES:
         if width <= CLOSED:
             break
-        with phase(f"conic program with losses priced at {penalty:g} $/MW"):
+        with phase("conic program", f"losses priced at {penalty:g} $/MW"):
             solver = Conic(problem.standard, penalty=penalty)
             solver.update(vectors or problem.vectors)
             trial = solver.solve()
@@ -112,7 +112,7 @@ def nlp(problem: Problem, options: Options) -> Answer:
         raise nothing_found("the conic relaxation", options.time_limit)
     start = closed(problem, found)
     vectors = in_one_mode(problem, start, problem.vectors)
-    with phase("AC equations (Ipopt)"):
+    with phase("AC equations", "Ipopt"):
         polished = ac_point(problem, start.point, vectors, clock.left)
     if polished.z is None:
         raise nothing_found("Ipopt", options.time_limit)

@@ -14,11 +14,11 @@ from resilience.models.methods.answer import (
     Options,
     infeasible,
     nothing_found,
-    phase,
     remains,
 )
 from resilience.models.methods.conic import _width
 from resilience.models.problem import Problem
+from resilience.progress import phase
 
 
 def exact(problem: Problem, options: Options) -> Answer:
@@ -34,11 +34,11 @@ def exact(problem: Problem, options: Options) -> Answer:
             hint='pip install "resilience[exact]"',
         )
     clock = Clock(options.time_limit)
-    with phase("SCIP on the convex relaxation"):
+    with phase("SCIP", "convex relaxation"):
         found = _scip(problem, options, clock, "relaxed")
     bound = found.bound
     if found.z is not None and _width(problem, found) > CLOSED and clock.left > 0:
-        with phase("SCIP on the AC equations"):
+        with phase("SCIP", "AC equations"):
             strict = _scip(problem, options, clock, "equal")
         if strict.z is not None:
             found, bound = strict, max(bound, strict.bound)

@@ -16,11 +16,11 @@ from resilience.models.methods.answer import (
     fractional,
     infeasible,
     nothing_found,
-    phase,
     remains,
     violated,
 )
 from resilience.models.problem import Problem
+from resilience.progress import phase
 
 
 def lp(problem: Problem, options: Options) -> Answer:
@@ -43,7 +43,7 @@ def _solve(problem: Problem, options: Options, integer: Bools) -> Answer:
     modes: dict[int, Bools] = {}
     bound, rounds = -np.inf, 0
     while True:
-        with phase(f"linear program, round {rounds + 1}"):
+        with phase("linear program", f"round {rounds + 1}"):
             solver = _solver(problem, options, clock, integer, modes, "inner")
             found = _answered(solver, options, problem)
         bound = max(bound, _bound(problem, options, clock, integer, modes, solver, found))

@@ -33,7 +33,6 @@ from resilience.models.methods.answer import (
     gap,
     infeasible,
     nothing_found,
-    phase,
     remains,
     sides,
     violated,
@@ -41,6 +40,7 @@ from resilience.models.methods.answer import (
 from resilience.models.methods.conic import _width, ac_point, closed, relaxation
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
+from resilience.progress import phase
 
 ROUNDS = 8
 SHARE = 0.5  # of the time left that one MILP may take
@@ -78,7 +78,7 @@ class Search:
 def minlp(problem: Problem, options: Options) -> Answer:
     """See the module's docstring."""
     search = Search(problem, options, Clock(options.time_limit))
-    with phase("conic relaxation, for the bound"):
+    with phase("conic relaxation"):
         root = relaxation(problem)
     if root.z is None:
         raise nothing_found("the conic relaxation", options.time_limit)
@@ -106,7 +106,7 @@ def _round(search: Search, k: int) -> bool:
     problem, standard = search.problem, search.problem.standard
     if not standard.integer.any() and not search.modes:
         return False
-    with phase(f"round {k}: commitment (HiGHS), gap {100 * search.gap:.2f} %"):
+    with phase("commitment", f"round {k}, gap {100 * search.gap:.2f} %"):
         master = _master(search)
     search.bound = max(search.bound, master.bound)
     if master.status == "infeasible":
@@ -117,7 +117,7 @@ def _round(search: Search, k: int) -> bool:
         return False
     search.rows.append(tangents(standard, master.point))
     vectors = _rounded(problem, master.point)
-    with phase(f"round {k}: conic program for the commitment"):
+    with phase("conic program", f"round {k}"):
         found = relaxation(problem, vectors)
     if found.z is None:
         search.rows.append(_no_good(problem, master.point))
@@ -159,7 +159,7 @@ def _plan(search: Search, found: Solution, vectors: Vectors) -> None:
             return
         point = closed(problem, point, vectors)
     if _width(problem, point) > CLOSED:
-        with phase("AC equations (Ipopt)"):
+        with phase("AC equations", "Ipopt"):
             point = ac_point(problem, point.point, vectors, max(search.clock.left, 5.0))
     if point.z is not None and not violated(standard, point.point):
         search.offer(point)

@@ -1,0 +1,70 @@
+"""Inline networks: the `[[network.bus]]` and `[[network.line]]` tables of a case file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from resilience.case.document import Document
+from resilience.case.network import did_you_mean
+from resilience.case.schema import BranchTable, BusTable
+from resilience.case.tables import read_list, show
+
+_BUS, _LINE = ("network", "bus"), ("network", "line")
+
+
+@dataclass
+class Inline:
+    """The sound part of an inline network, the names in all of it, and whether that is the same."""
+
+    buses: dict[str, BusTable] = field(default_factory=dict)
+    lines: list[tuple[BranchTable, str]] = field(default_factory=list)
+    bus_names: set[str] = field(default_factory=set)
+    line_names: set[str] = field(default_factory=set)
+    complete: bool = True
+
+
+def read_inline(document: Document, buses: Any, lines: Any) -> Inline:
+    """Check the tables of an inline network; mistakes go to the document."""
+    inline = Inline()
+    entries = read_list(BusTable, "network.bus", buses, document, _BUS)
+    for bus, title, sound in entries:
+        if bus.name in inline.buses:
+            hint = "every bus has a name of its own"
+            document.add(_BUS, title, "name", show(bus.name), "names used once", hint)
+        elif sound:
+            inline.buses[bus.name] = bus
+        inline.complete &= sound
+    inline.bus_names = {bus.name for bus, _, _ in entries if bus.name}
+    for line, title, sound in read_list(BranchTable, "network.line", lines, document, _LINE):
+        if line.name and line.name in inline.line_names:
+            hint = "every line has a name of its own; without one it is called from-to"
+            document.add(_LINE, title, "name", show(line.name), "names used once", hint)
+        inline.line_names.add(line.name or f"{line.from_}-{line.to}")
+        usable = _check_ends(document, line, title, inline) and sound
+        if usable:
+            inline.lines.append((line, title))
+        inline.complete &= usable
+    return inline
+
+
+def _check_ends(document: Document, line: BranchTable, title: str, inline: Inline) -> bool:
+    """Note what is wrong with the ends of a line; say whether both are sound buses that fit."""
+    ends = (line.from_, line.to)
+    for key, bus in zip(("from", "to"), ends, strict=True):
+        if bus and bus not in inline.bus_names:
+            allowed, hint = "a [[network.bus]]", did_you_mean(bus, inline.bus_names)
+            document.add(_LINE, title, key, show(bus), allowed, hint)
+    if not all(bus in inline.buses for bus in ends):
+        return False
+    if line.from_ == line.to:
+        allowed, hint = "another bus than at `from`", "a line joins two buses"
+        document.add(_LINE, title, "to", show(line.to), allowed, hint)
+        return False
+    one, other = (inline.buses[bus].vn_kv for bus in ends)
+    if one != other:
+        found = f"{one:g} kV at one end, {other:g} kV at the other"
+        hint = "put a transformer into a pandapower file, or give both buses one vn_kv"
+        document.add(_LINE, title, "vn_kv", found, "one nominal voltage", hint)
+        return False
+    return True

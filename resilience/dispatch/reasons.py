@@ -1,0 +1,133 @@
+"""Why demand was shed: what stood in the way in the load's island, in that slot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from resilience.models.algebra import Floats, Ints
+from resilience.models.problem import Problem
+
+NEAR = 1e-4
+Bools = np.ndarray
+
+REASONS = {
+    "no source": "its island has no grid-forming unit",
+    "power": "sources of its island are at their limits",
+    "energy": "sources of its island are at their limits, storage is empty",
+    "saved": "storage saves what it has for a later slot",
+    "voltage": "voltages of its island are at both ends of their band",
+    "rating": "a line of its island is at its rating",
+    "block": "the load can only be served whole",
+    "price": "shedding is cheaper than the sources left, or limits such as ramps hold them",
+}
+"""Each reason, in the order in which they are tried, with its meaning."""
+
+
+def shed_reasons(problem: Problem, z: Floats) -> dict[str, dict[str, float]]:
+    """MWh shed per load and reason, {load: {reason: MWh}}; loads that are served are left out."""
+    standard, case = problem.standard, problem.case
+    if not case.load:
+        return {}
+    shed = z[standard.columns("load.shed")]
+    island = problem.situation.island[problem.grid.at(case.load)]
+    causes = _causes(problem, z)
+    found: dict[str, dict[str, float]] = {}
+    for i, t in np.argwhere(shed > NEAR):
+        table = case.load[int(i)]
+        reason = _reason(causes, int(island[i, t]), int(t), table.block)
+        mwh = float(shed[i, t]) * case.step_h
+        by_reason = found.setdefault(table.name, {})
+        by_reason[reason] = by_reason.get(reason, 0.0) + mwh
+    return found
+
+
+def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
+    if causes["dead"][island, t]:
+        return "no source"
+    if causes["bound"][island, t]:
+        return "energy" if causes["empty"][island, t] else "power"
+    for reason in ("saved", "voltage", "rating"):
+        if causes[reason][island, t]:
+            return reason
+    return "block" if block else "price"
+
+
+def _causes(problem: Problem, z: Floats) -> dict[str, Bools]:
+    """(islands, slots) what is true of every island: see the names used in `_reason`."""
+    grid, situation = problem.grid, problem.situation
+    shape = (int(situation.island.max()) + 1, situation.n)
+
+    def some(at: Ints, holds: Bools) -> Bools:
+        """Islands in which `holds` (devices, slots) is true of any device at the buses `at`."""
+        found = np.zeros(shape, bool)
+        places = situation.island[at]
+        slots = np.broadcast_to(np.arange(situation.n), places.shape)
+        np.logical_or.at(found, (places, slots), holds)
+        return found
+
+    spare, empty, saved = (np.zeros(shape, bool) for _ in range(3))
+    for at, full, starved in _sources(problem, z):
+        spare |= some(at, ~(full | starved))
+        empty |= some(at, starved & ~full)
+    if problem.case.ess:
+        at, full, starved = _sources(problem, z)[-1]
+        later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
+        saved = some(at, ~(full | starved) & later)
+    buses = np.arange(len(situation.forming))
+    lowest, highest = _voltage_limits(problem, z)
+    return {
+        "dead": some(buses, situation.alive < 0.5),
+        "bound": ~spare,
+        "empty": empty,
+        "saved": saved,
+        "voltage": some(buses, lowest) & some(buses, highest),
+        "rating": some(grid.network.from_bus, _at_rating(problem, z)),
+    }
+
+
+def _sources(problem: Problem, z: Floats) -> list[tuple[Ints, Bools, Bools]]:
+    """Per fleet: bus of every device, whether it feeds all it can, whether it has no energy.
+
+    Storage comes last.
+    """
+    standard, case, grid = problem.standard, problem.case, problem.grid
+    upper = problem.vectors.upper
+    found: list[tuple[Ints, Bools, Bools]] = []
+    fleets = (("pv.p", case.pv), ("generator.p", case.generator), ("grid.import", case.grid))
+    for name, tables in fleets:
+        if tables:
+            columns = standard.columns(name)
+            full = z[columns] >= upper[columns] - NEAR
+            found.append((grid.at(tables), full, np.zeros_like(full)))
+    if case.ess:
+        columns, energy = standard.columns("ess.discharge"), standard.columns("ess.energy")
+        full = z[columns] >= upper[columns] - NEAR
+        starved = z[energy] <= problem.vectors.lower[energy] + NEAR
+        found.append((grid.at(case.ess), full, starved))
+    return found
+
+
+def _voltage_limits(problem: Problem, z: Floats) -> tuple[Bools, Bools]:
+    """(buses, slots) lowest voltage allowed, and highest; a held voltage can only be the latter.
+
+    Only both in one island bind: without an upper limit the whole island could be raised.
+    """
+    standard = problem.standard
+    if not standard.has("bus.v_sq"):
+        none = np.zeros((len(problem.grid.network.bus_names), problem.situation.n), bool)
+        return none, none
+    columns = standard.columns("bus.v_sq")
+    low, high = problem.vectors.lower[columns], problem.vectors.upper[columns]
+    return (z[columns] <= low + NEAR) & (low < high), z[columns] >= high - NEAR
+
+
+def _at_rating(problem: Problem, z: Floats) -> Bools:
+    standard, network = problem.standard, problem.grid.network
+    if not standard.has("line.p"):
+        return np.zeros((len(network.line_names), problem.situation.n), bool)
+    flow = z[standard.columns("line.p")] ** 2
+    if standard.has("line.q"):
+        flow = flow + z[standard.columns("line.q")] ** 2
+    rating = network.rating_mva[:, None]
+    found: Bools = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
+    return found & (problem.data["line.up"] > 0.5)

@@ -1,0 +1,157 @@
+"""A plan as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.console import Console, Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from resilience.results import Plan, outage_texts
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+    from resilience.case.schema import DeviceTable
+
+GOOD = 1e-5  # scaled violation up to which a plan is called clean
+
+
+def print_plan(plan: Plan, console: Console) -> None:
+    """Prints the plan: verdict, what was assumed, costs, energy, shedding, certificate, time."""
+    console.print(_verdict(plan))
+    console.print(_assumed(plan))
+    for part in (_money_and_energy(plan, console.width), _shed(plan), _certificate(plan)):
+        console.print()
+        console.print(part)
+
+
+def _verdict(plan: Plan) -> Text:
+    style = "bold green" if plan.status == "optimal" else "bold yellow"
+    text = Text.assemble((plan.name, "bold"), "  ", plan.method, " on ", plan.physics, "  ")
+    text.append(plan.status, style)
+    text.append(f"\nobjective {plan.objective:.4f} $")
+    text.append(f" = operating cost {plan.operating_cost:.4f}")
+    text.append(f" - terminal credit {plan.terminal_credit:.4f}")
+    if plan.bound is not None and plan.gap is not None:
+        text.append(f"\nproven bound {plan.bound:.4f} $ ({plan.bound_of})")
+        text.append(f", gap {percent(plan.gap)}")
+    else:
+        text.append("\nno bound was proven")
+    return text
+
+
+def percent(share: float) -> str:
+    """`0.053 %`; what is below a millionth is called so."""
+    return "below 0.0001 %" if share < 1e-6 else f"{100 * share:.4f} %"
+
+
+def _assumed(plan: Plan) -> Text:
+    text = Text()
+    if not plan.outages:
+        return text.append("assumes no outage", "yellow")
+    text.append("assumes " + ", ".join(plan.outages) + "\n", "yellow")
+    return text.append("and knows it in advance: a real operator would not", "yellow")
+
+
+def _grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k == 0)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _money_and_energy(plan: Plan, width: int) -> RenderableType:
+    costs = [(name, f"{spent:.4f}") for name, spent in plan.costs.items() if abs(spent) > 5e-5]
+    costs.append(("operating cost", f"{plan.operating_cost:.4f}"))
+    names = {
+        "demand": "demand",
+        "shed": "shed",
+        "charge": "charged",
+        "export": "exported",
+        "losses": "lost in wires",
+        "pv": "PV",
+        "pv_curtailed": "PV curtailed",
+        "generators": "generators",
+        "import": "imported",
+        "discharge": "discharged",
+    }
+    energy = [(names[key], f"{abs(plan.energy_mwh[key]):.3f}") for key in names]
+    left = _grid("Cost", costs, "term", "$")
+    right = _grid("Energy", energy, "", "MWh")
+    if width < 60:
+        return Group(left, right)
+    both = Table.grid(padding=(0, 4))
+    both.add_row(left, right)
+    return both
+
+
+def _shed(plan: Plan) -> RenderableType:
+    if not plan.shed_by_load:
+        return Text("Nothing is shed.", "green")
+    from resilience.dispatch.reasons import REASONS
+
+    rows = []
+    for load, reasons in sorted(plan.shed_by_load.items(), key=lambda x: -sum(x[1].values())):
+        for reason, mwh in sorted(reasons.items(), key=lambda x: -x[1]):
+            rows.append((load, f"{mwh:.3f}", REASONS[reason]))
+    table = _grid(f"Shed: {plan.shed_mwh:.3f} MWh", rows, "load", "MWh", "because")
+    table.columns[2].justify = "left"
+    return table
+
+
+def _certificate(plan: Plan) -> RenderableType:
+    worst = max(plan.audit.values(), default=0.0)
+    text = Text()
+    if plan.relaxed:
+        text.append("relaxed, and not satisfied by this plan:\n", "bold red")
+        for line in plan.relaxed:
+            text.append(f"  {line}\n", "red")
+    else:
+        text.append(f"satisfies the whole {plan.physics} model", "green")
+        text.append("\n")
+    text.append("audit: worst scaled violation ")
+    text.append(f"{worst:.1e}", "green" if worst <= GOOD else "red")
+    text.append(f" at {plan.audit_worst}\n" if plan.audit_worst else "\n")
+    for note in plan.notes:
+        text.append(f"note: {note}\n", "yellow")
+    phases = ", ".join(f"{name} {s:.2f}" for name, s in plan.seconds_by_phase.items())
+    text.append(f"time: {plan.seconds:.2f} s ({phases})", "dim")
+    return Padding(text, (0, 0))
+
+
+def print_case(case: Case, console: Console) -> None:
+    """Prints what a case holds."""
+    network = case.network
+    title = Text.assemble((case.name, "bold"), f"  {case.description}")
+    title.append(
+        f"\n{len(network.bus_names)} buses, {len(network.line_names)} lines; {case.slots} slots of "
+        f"{case.step_min:g} min from {case.start:%Y-%m-%d %H:%M}"
+    )
+    console.print(title)
+    breakpoints = [n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b]
+    switches = [n for n, s in zip(network.line_names, network.switchable, strict=True) if s]
+    for words, names in (("breakpoints", breakpoints), ("switchable", switches)):
+        if names:
+            console.print(f"{words}: {', '.join(names)}")
+    console.print(f"outages: {', '.join(outage_texts(case)) or 'none'}")
+    rows = [
+        _fleet("grid", case.grid, "import_max_mw"),
+        _fleet("generator", case.generator, "p_max_mw"),
+        _fleet("pv", case.pv, "p_max_mw"),
+        _fleet("ess", case.ess, "p_max_mw"),
+        _fleet("load", case.load, "p_max_mw"),
+    ]
+    table = _grid("", rows, "devices", "number", "MW", "at buses")
+    table.columns[3].justify = "left"
+    console.print(table)
+
+
+def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ...]:
+    total = sum(getattr(t, size) for t in tables)
+    return kind, str(len(tables)), f"{total:.3f}", ", ".join(f"{t.name}@{t.bus}" for t in tables)

@@ -1,0 +1,182 @@
+"""The installed command, run as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMAND = Path(sys.executable).parent / "resilience"
+HEAVY = {"pandas", "pandapower", "pyomo", "casadi", "cvxpy", "torch", "matplotlib"}
+
+TINY = """
+name = "tiny"
+[network]
+bus = [{ name = "1", vn_kv = 12.66 }]
+[time]
+start = 2016-07-12T00:00:00
+slots = 4
+step_min = 60.0
+[[load]]
+name = "town"
+bus = "1"
+p_max_mw = 2.0
+shed_cost_per_mwh = 10.0
+[[generator]]
+name = "diesel"
+bus = "1"
+p_max_mw = 1.5
+cost_per_mwh = 1.0
+"""
+
+
+def run(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"NO_COLOR": "1", "COLUMNS": "100"}
+    words = [str(COMMAND), *map(str, arguments)]
+    return subprocess.run(
+        words, check=False, capture_output=True, text=True, cwd=cwd, env=environment
+    )
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    path = tmp_path / "tiny.toml"
+    path.write_text(TINY, encoding="utf-8")
+    return path
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom resilience.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print('MODULES', *sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(done.stdout.rpartition("MODULES")[2].split())
+    assert "typer" in modules
+    assert not modules & HEAVY
+
+
+def test_solve_prints_the_verdict_and_what_it_assumed(tiny: Path) -> None:
+    done = run("solve", tiny, "--method", "lp")
+    assert done.returncode == 0, done.stderr
+    # 1.5 MW of diesel at 1 $/MWh and 0.5 MW shed at 10 $/MWh for 4 h: 6 + 20 = 26 $
+    assert "objective 26.0000 $" in done.stdout
+    assert "assumes no outage" in done.stdout
+    assert "Shed: 2.000 MWh" in done.stdout
+    assert "sources of its island are at their limits" in done.stdout
+    assert "\x1b" not in done.stdout
+    assert done.stderr == ""
+
+
+def test_assumed_outages_are_printed_with_their_warning() -> None:
+    done = run("solve", "ieee33", "--method", "lp", "--outages", "6-26@14:00-17:30")
+    assert done.returncode == 0, done.stderr
+    assert "assumes 6-26@14:00-17:30" in done.stdout
+    assert "knows it in advance" in done.stdout
+
+
+def test_json_is_one_object_with_the_promised_keys() -> None:
+    done = run("solve", "ieee33", "--method", "lp", "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout)
+    promised = ["status", "objective", "bound", "gap", "relaxed"]
+    promised += ["audit", "costs", "shed_mwh", "seconds"]
+    assert set(promised) <= set(answer)
+    assert answer["status"] == "optimal"
+    assert answer["relaxed"] == []
+    assert 0.0 <= max(answer["audit"].values()) < 1e-9
+    assert answer["bound"] <= answer["objective"] + 1e-9
+    total = sum(answer["costs"].values()) - answer["terminal_credit"]
+    assert total == pytest.approx(answer["objective"])
+
+
+def test_out_writes_tables_that_plot_and_solve_read_again(tiny: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    done = run("solve", tiny, "--method", "lp", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    names = {path.name for path in folder.iterdir()}
+    assert {"summary.json", "case.toml", "power.csv", "power.parquet", "shed.csv"} <= names
+    assert run("plot", folder).returncode == 0
+    assert (folder / "plan.png").stat().st_size > 10_000
+    again = run("solve", folder / "case.toml", "--method", "lp", "--json", cwd=tmp_path)
+    assert json.loads(again.stdout)["objective"] == pytest.approx(26.0)
+
+
+def test_an_earlier_result_is_replaced_and_nothing_else(tiny: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    assert run("solve", tiny, "--method", "lp", "--out", folder).returncode == 0
+    (folder / "stale.txt").write_text("old", encoding="utf-8")
+    assert run("solve", tiny, "--method", "lp", "--out", folder).returncode == 0
+    assert not (folder / "stale.txt").exists()
+    (folder / "summary.json").unlink()
+    refused = run("solve", tiny, "--method", "lp", "--out", folder)
+    assert refused.returncode == 1
+    assert "is not empty and holds no earlier result" in refused.stderr
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["run", "tiny.toml"]
+
+
+def test_a_bad_case_gets_one_list_and_writes_nothing(tiny: Path, tmp_path: Path) -> None:
+    tiny.write_text(TINY.replace("p_max_mw = 2.0", 'p_max_mw = -2.0\nbuss = "7"'), encoding="utf-8")
+    folder = tmp_path / "run"
+    done = run("solve", tiny, "--out", folder)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert "2 mistakes in the case" in done.stderr
+    assert done.stderr.count("hint:") == 2
+    assert "did you mean" in done.stderr
+    assert not folder.exists()
+
+
+def test_an_infeasible_case_names_rows_and_slots(tiny: Path, tmp_path: Path) -> None:
+    must_take = '\n[[pv]]\nname = "sun"\nbus = "1"\np_max_mw = 5.0\ncurtailable = false\n'
+    tiny.write_text(TINY + must_take, encoding="utf-8")
+    done = run("solve", tiny, "--method", "lp", "--out", tmp_path / "run")
+    assert done.returncode == 1
+    assert "no plan satisfies the lindistflow model" in done.stderr
+    assert "balance.p[1, 0" in done.stderr
+    assert "hint:" in done.stderr
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("suffix", ["lp", "mps", "nl"])
+def test_the_model_is_exported(tiny: Path, tmp_path: Path, suffix: str) -> None:
+    target = tmp_path / f"model.{suffix}"
+    done = run("solve", tiny, "--method", "lp", "--export", target)
+    assert done.returncode == 0, done.stderr
+    assert target.stat().st_size > 200
+
+
+def test_unknown_words_are_refused_with_a_hint() -> None:
+    for words in (["--method", "magic"], ["--physics", "dc"], ["--plot", "plan.xls"]):
+        done = run("solve", "ieee33", *words)
+        assert done.returncode == 1
+        assert "hint:" in done.stderr
+    assert run("solve").returncode == 2
+
+
+def test_new_check_show_and_solve(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert run("case", "new", "case33bw", "--out", path).returncode == 0
+    assert run("case", "new", "case33bw", "--out", path).returncode == 1
+    assert "is a valid case" in run("case", "check", path).stdout
+    assert "33 buses" in run("case", "show", path).stdout
+    done = run("solve", path, "--method", "lp", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["shed_mwh"] == 0.0
+
+
+def test_cases_are_known_by_name_from_anywhere(tmp_path: Path) -> None:
+    assert "ieee33" in run("case", "list", cwd=tmp_path).stdout.split()
+    assert "is a valid case" in run("case", "check", "ieee33", cwd=tmp_path).stdout
+
+
+def test_verbose_prints_phases_to_stderr(tiny: Path) -> None:
+    done = run("solve", tiny, "--method", "socp", "--physics", "copperplate", "-v")
+    assert done.returncode == 0
+    assert "conic relaxation" in done.stderr
+    assert "conic relaxation" not in done.stdout.partition("time:")[0]

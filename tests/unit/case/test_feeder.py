@@ -1,0 +1,182 @@
+"""Networks from pandapower, from files and from inline tables mean the same physics."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from resilience.case import load_case
+from resilience.case.feeder import FeederError, read_feeder
+from resilience.case.pandapower_net import _call, _feeder, feeder_by_name
+from resilience.case.schema import NetworkTable
+from resilience.errors import UsageError
+
+BRANCH_R, BRANCH_X = 2, 3
+
+
+def pandapower_net(build):
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="pandapower")
+        import pandapower as pp
+
+        return pp, build(pp)
+
+
+def solved_branches(net, pp) -> np.ndarray:
+    """Return r and x on 1 MVA of the lines and transformers in pandapower's own power flow."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="pandapower")
+        pp.runpp(net, numba=False, trafo_model="pi", calculate_voltage_angles=False)
+    rows = [range(*net._pd2ppc_lookups["branch"].get(kind, (0, 0))) for kind in ("line", "trafo")]
+    branch = net._ppc["branch"].real[[*rows[0], *rows[1]]]
+    return branch[:, [BRANCH_R, BRANCH_X]] / net.sn_mva
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["case33bw", "create_cigre_network_mv", "simple_four_bus_system", "simple_mv_open_ring_net"],
+)
+def test_impedances_are_those_of_pandapowers_power_flow(name):
+    pp, net = pandapower_net(lambda pp: getattr(pp.networks, name)())
+    network = feeder_by_name(name).network
+    ours = np.column_stack([network.r_pu, network.x_pu])
+    np.testing.assert_allclose(ours, solved_branches(net, pp), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["case33bw", "case118", "case57", "iceland"])
+def test_reading_pandapowers_files_gives_what_its_functions_give(name):
+    read, called = feeder_by_name(name), _feeder(_call(name), "pandapower", name)
+    assert read.network.equals(called.network)
+    assert (read.load, read.grid, read.generator) == (called.load, called.grid, called.generator)
+
+
+def test_case33bw_has_the_names_of_the_literature():
+    network = feeder_by_name("case33bw").network
+    assert network.bus_names == tuple(str(k) for k in range(1, 34))
+    ties = [network.line_names[i] for i in np.flatnonzero(~network.in_service)]
+    assert ties == ["21-8", "9-15", "12-22", "18-33", "25-29"]
+    head = network.line("1-2")
+    assert network.r_pu[head] * 12.66**2 == pytest.approx(0.0922)
+    assert network.x_pu[head] * 12.66**2 == pytest.approx(0.0470)
+    assert np.isinf(network.rating_mva).all()
+
+
+def test_own_names_are_kept_where_they_tell_buses_apart():
+    network = feeder_by_name("create_cigre_network_mv").network
+    assert network.bus_names[1] == "Bus 1"
+    assert network.line("Line 1-2") == 0
+
+
+def test_unknown_names_come_with_the_nearest():
+    network = feeder_by_name("case33bw").network
+    with pytest.raises(UsageError, match="did you mean 6-26"):
+        network.line("26-6")
+    with pytest.raises(UsageError, match="bus '34'"):
+        network.bus("34")
+
+
+def switched_net(pp):
+    """Two busbars behind a coupler, two parallel cables, an open ring and a transformer."""
+    net = pp.create_empty_network()
+    hv, a, b, c, d = (
+        pp.create_bus(net, vn, name=n)
+        for n, vn in (("hv", 110), ("a", 20), ("b", 20), ("c", 20), ("d", 20))
+    )
+    pp.create_ext_grid(net, hv)
+    pp.create_transformer(net, hv, a, "25 MVA 110/20 kV")
+    pp.create_switch(net, b, a, et="b", closed=True)
+    for ends in ((b, c), (b, c), (c, d), (d, a)):
+        pp.create_line(net, *ends, length_km=2.0, std_type="NA2XS2Y 1x240 RM/25 12/20 kV")
+    pp.create_switch(net, d, 3, et="l", closed=False)
+    pp.create_load(net, d, 1.0, 0.2)
+    pp.create_load(net, d, 0.5, 0.1, scaling=2.0)
+    return net
+
+
+@pytest.fixture()
+def switched(tmp_path):
+    pp, net = pandapower_net(switched_net)
+    path = tmp_path / "switched.json"
+    pp.to_json(net, str(path))
+    return path, net, pp
+
+
+def read(path):
+    return read_feeder(NetworkTable(file=str(path)))
+
+
+def test_closed_switches_fuse_buses_and_open_ones_open_lines(switched):
+    path, net, pp = switched
+    network = read(path).network
+    assert network.bus_names == ("hv", "a", "c", "d")
+    assert network.bus("b") == network.bus("a")
+    assert network.line_names == ("b-c", "b-c#2", "c-d", "d-a", "hv-a")
+    assert network.in_service.tolist() == [True, True, True, False, True]
+    np.testing.assert_allclose(network.r_pu, solved_branches(net, pp)[:, 0])
+
+
+def test_ratings_are_currents_at_nominal_voltage(switched):
+    path, net, _ = switched
+    network = read(path).network
+    limit_ka = net.line.max_i_ka[0]
+    assert network.rating_mva[0] == pytest.approx(np.sqrt(3) * 20 * limit_ka)
+    assert network.rating_mva[network.line("hv-a")] == pytest.approx(25.0)
+
+
+def test_devices_of_a_file_keep_their_scaling(switched):
+    path, _, _ = switched
+    feeder = read(path)
+    assert sum(load.p_mw for load in feeder.load) == pytest.approx(2.0)
+    assert {load.bus for load in feeder.load} == {"d"}
+    assert [grid.bus for grid in feeder.grid] == ["hv"]
+
+
+def test_a_device_may_name_a_fused_bus(switched, tmp_path):
+    path, _, _ = switched
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f'[network]\nfile = "{path.name}"\n[time]\nstart = 2016-07-12T00:00:00\nslots = 1\n'
+        'step_min = 15\n[[ess]]\nname = "e"\nbus = "b"\np_max_mw = 1\ne_mwh = 2\n'
+    )
+    assert load_case(case).network.bus("b") == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("{}", "a pandapower network"), ("not json", "a pandapower network")],
+)
+def test_a_file_that_is_no_network_is_refused(tmp_path, text, value):
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(FeederError, match=value):
+        read(path)
+    with pytest.raises(FeederError, match=r"\.json or a MATPOWER"):
+        path.with_suffix(".txt").write_text(text)
+        read(path.with_suffix(".txt"))
+
+
+def test_inline_tables_and_pandapower_give_the_same_pu(case_file):
+    network = load_case(case_file()).network
+    assert network.r_pu[0] == pytest.approx(0.4 / 12.66**2)
+    assert network.line_names == ("1-2", "2-3", "3-4", "4-1")
+    assert network.rating_mva.tolist() == [np.inf, 5.0, np.inf, np.inf]
+    assert network.in_service.tolist() == [True, True, True, False]
+    assert network.switchable.tolist() == [False, False, False, True]
+    assert network.breakpoint.tolist() == [True, False, False, False]
+    assert network.v_min_pu.tolist() == [0.95] * 4
+    assert network.v_max_pu.tolist() == [1.1, 1.1, 1.05, 1.1]
+
+
+def test_impedance_scale_scales_both_parts(case_file):
+    whole = load_case(case_file()).network
+    half = load_case(case_file(("[network]", "[network]\nimpedance_scale = 0.5"))).network
+    np.testing.assert_allclose(half.r_pu, 0.5 * whole.r_pu)
+    np.testing.assert_allclose(half.x_pu, 0.5 * whole.x_pu)
+
+
+def test_parts_with_a_grid_of_their_own_are_no_mistake(tmp_path):
+    from resilience.case import new_case_text
+
+    path = tmp_path / "two.toml"
+    path.write_text(new_case_text("mv_oberrhein"))
+    assert len(load_case(path).grid) == 2

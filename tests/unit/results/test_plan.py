@@ -1,0 +1,149 @@
+"""Plans: tables, balances, reasons, and what survives a save."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import resilience as rs
+from resilience.results import UNITS, replacing
+
+HEAD = """
+name = "small"
+[time]
+start = 2016-07-12T00:00:00
+slots = 4
+step_min = 60.0
+[network]
+bus = [{ name = "1", vn_kv = 12.66 }, { name = "2", vn_kv = 12.66 }]
+line = [{ from = "1", to = "2", r_ohm = 0.5, x_ohm = 0.3 }]
+[[grid]]
+bus = "1"
+import_max_mw = 5.0
+import_cost_per_mwh = 1.0
+"""
+LOAD = """
+[[load]]
+name = "town"
+bus = "2"
+p_max_mw = 2.0
+shed_cost_per_mwh = 10.0
+"""
+
+
+def case(tmp_path: Path, text: str) -> rs.Case:
+    path = tmp_path / "small.toml"
+    path.write_text(HEAD + text, encoding="utf-8")
+    return rs.load_case(path)
+
+
+@pytest.fixture(scope="module")
+def storm() -> rs.Plan:
+    return rs.solve("ieee33", "minlp", outages="1-2@14:00-24:00, 6-26@10:00-24:00")
+
+
+def test_every_table_has_a_unit_and_a_column_per_label(storm: rs.Plan) -> None:
+    assert set(storm.tables) <= set(UNITS)
+    for table in storm.tables.values():
+        assert table.values.shape == (len(table.labels), 96)
+
+
+def test_energy_is_conserved_and_losses_are_those_of_the_wires(storm: rs.Plan) -> None:
+    e = storm.energy_mwh
+    assert e["losses"] == pytest.approx(
+        e["pv"] + e["generators"] + e["import"] + e["discharge"]
+        - (e["demand"] - e["shed"]) - e["charge"] - e["export"]
+    )  # fmt: skip
+    network = storm.case.network
+    at = [network.line(name) for name in storm.tables["line_power"].labels]
+    p, q = storm.tables["line_power"].values, storm.tables["line_reactive"].values
+    v = storm.tables["voltage"].values[network.from_bus[at]]
+    loss = network.r_pu[at, None] * (p**2 + q**2) / v**2
+    assert e["losses"] == pytest.approx(loss.sum() * 0.25, rel=1e-5)
+
+
+def test_stored_energy_follows_the_power(storm: rs.Plan) -> None:
+    for unit in storm.case.ess:
+        power, energy = storm.tables["power"][unit.name], storm.tables["energy"][unit.name]
+        gain = np.maximum(-power, 0.0) * unit.efficiency_charge
+        drain = np.maximum(power, 0.0) / unit.efficiency_discharge
+        start = unit.soc_initial * unit.e_mwh
+        np.testing.assert_allclose(energy, start + np.cumsum(gain - drain) * 0.25, atol=1e-6)
+
+
+def test_costs_are_prices_times_energy(storm: rs.Plan) -> None:
+    shed = storm.tables["shed"].values.sum() * 0.25
+    assert storm.costs["load.shed"] == pytest.approx(1.5 * shed)
+    assert storm.shed_mwh == pytest.approx(shed, abs=0.05)
+    assert storm.costs["generator.energy"] == pytest.approx(0.5 * storm.energy_mwh["generators"])
+    stored = storm.tables["energy"].values[:, -1].sum()
+    assert storm.terminal_credit == pytest.approx(0.35 * stored)
+    assert storm.objective == pytest.approx(storm.operating_cost - storm.terminal_credit)
+
+
+def test_an_island_without_a_forming_unit_is_dead_and_says_so(tmp_path: Path) -> None:
+    plan = rs.solve(case(tmp_path, LOAD), "lp", outages="1-2@01:00-03:00")
+    assert plan.shed_by_load == {"town": {"no source": pytest.approx(4.0)}}
+    np.testing.assert_array_equal(plan.tables["island"]["2"] == 0, [False, True, True, False])
+
+
+def test_reasons_power_energy_saved_and_block(tmp_path: Path) -> None:
+    weak = LOAD + '[[generator]]\nname = "g"\nbus = "2"\np_max_mw = 0.5\ncost_per_mwh = 2.0\n'
+    plan = rs.solve(case(tmp_path, weak), "lp", outages="1-2@01:00-03:00")
+    assert plan.shed_by_load == {"town": {"power": pytest.approx(3.0)}}
+    stored = LOAD + (
+        '[[ess]]\nname = "b"\nbus = "2"\np_max_mw = 2.0\ne_mwh = 2.0\nsoc_initial = 1.0\n'
+    )
+    plan = rs.solve(case(tmp_path, stored), "lp", outages="1-2@01:00-03:00")
+    assert set(plan.shed_by_load["town"]) <= {"energy", "saved"}
+    assert plan.shed_mwh == pytest.approx(2.0)
+    whole = weak.replace("shed_cost_per_mwh", "block = true\nshed_cost_per_mwh")
+    plan = rs.solve(case(tmp_path, whole), "milp", outages="1-2@01:00-03:00")
+    assert plan.shed_by_load == {"town": {"block": pytest.approx(4.0)}}
+
+
+def test_a_saved_plan_loads_back(storm: rs.Plan, tmp_path: Path) -> None:
+    storm.save(tmp_path / "run")
+    back = rs.load_plan(tmp_path / "run")
+    assert back.summary() == storm.summary()
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["method"] == "minlp"
+    for name, table in storm.tables.items():
+        assert back.tables[name].labels == table.labels
+        np.testing.assert_array_equal(back.tables[name].values, table.values)
+    assert back.case is not None
+    assert back.case.equals(storm.case)
+
+
+def test_nothing_half_written_stays(tmp_path: Path) -> None:
+    def fail() -> None:
+        with replacing(tmp_path / "run", "summary.json") as folder:
+            (folder / "power.csv").write_text("half", encoding="utf-8")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_without_a_result_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(rs.UsageError, match="holds no result"):
+        rs.load_plan(tmp_path)
+
+
+def test_frames_are_indexed_by_time(storm: rs.Plan) -> None:
+    frame = storm.frame("soc")
+    assert frame.shape == (96, 5)
+    assert str(frame.index[57]) == "2016-08-26 14:15:00"
+    with pytest.raises(rs.UsageError, match="no table"):
+        storm.frame("weather")
+
+
+def test_a_plan_is_drawn(storm: rs.Plan, tmp_path: Path) -> None:
+    figure = rs.plot_plan(storm, tmp_path / "plan.png")
+    assert [axis.get_ylabel().split(",")[0].split("\n")[0] for axis in figure.axes] == [
+        "power", "state of", "shed", "voltage", "bus",
+    ]  # fmt: skip
+    assert (tmp_path / "plan.png").stat().st_size > 50_000
