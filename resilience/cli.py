@@ -176,6 +176,7 @@ def new(
     """Write a starter case for a network: its loads and sources, and examples to fill in."""
     from resilience.case import new_case_text
     from resilience.errors import UsageError
+    from resilience.results import replacing_file
 
     if out is not None and out.exists():
         raise UsageError(f"{out} exists", hint="name a new file")
@@ -183,8 +184,8 @@ def new(
     if out is None:
         typer.echo(text, nl=False)
         return
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(text, encoding="utf-8")
+    with replacing_file(out) as fresh:
+        fresh.write_text(text, encoding="utf-8")
     typer.echo(f"{out}: resilience solve {out}")
 
 

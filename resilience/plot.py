@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.results import Plan
+from resilience.results import Plan, replacing_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +56,8 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
     _time_axis(axes[-1], plan, hours)
     figure.suptitle(_title(plan).replace("$", r"\$"), fontsize=10, x=0.01, ha="left")
     if path is not None:
-        _write(figure, Path(path))
+        with replacing_file(Path(path)) as fresh:
+            figure.savefig(fresh, dpi=150)
     return figure
 
 
@@ -68,11 +69,6 @@ def check_suffix(path: Path) -> None:
             f"cannot draw to {path.name!r}; allowed suffixes: {', '.join(allowed)}",
             hint=f"{path.stem}.png, say",
         )
-
-
-def _write(figure: Figure, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=150)
 
 
 def _title(plan: Plan) -> str:

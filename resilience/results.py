@@ -229,4 +229,16 @@ def replacing(folder: Path, mark: str) -> Iterator[Path]:
         raise
 
 
-__all__ = ["UNITS", "Plan", "Table", "load_plan", "outage_texts", "replacing"]
+@contextmanager
+def replacing_file(path: Path) -> Iterator[Path]:
+    """A new file, with the suffix of `path`, that takes its place when the block ends well."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.stem}-{os.getpid()}{path.suffix}")
+    try:
+        yield fresh
+        os.replace(fresh, path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+__all__ = ["UNITS", "Plan", "Table", "load_plan", "outage_texts", "replacing", "replacing_file"]

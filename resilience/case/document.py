@@ -87,7 +87,7 @@ def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
     """
     path = Path(ref)
     local = path if beside is None else beside / path
-    for candidate in (local, case_folder() / f"{ref}.toml", local.with_name(f"{local.name}.toml")):
+    for candidate in (local, case_folder() / f"{ref}.toml", Path(f"{local}.toml")):
         if candidate.is_file():
             return candidate
     if path.suffix == ".toml":
@@ -104,34 +104,24 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
     """Read a case file and merge it over the case that it extends."""
     path = path.resolve()
     document = Document(path)
-    document.data = _parse(path, document.problems)
+    document.data = _parse(path, document)
     _absolute_paths(document.data, path.parent)
     document.origin = dict.fromkeys(_places(document.data), shown(path))
     base_ref = document.data.get("extends")
     if not isinstance(base_ref, str):
         return document
+    where = ("extends",)
     try:
         base_path = find_case(base_ref, beside=path.parent).resolve()
     except UsageError as error:
-        document.problems.append(
-            Problem(
-                shown(path), "", "extends", repr(base_ref), "the name or path of a case", error.hint
-            )
-        )
+        allowed = "the name or path of a case"
+        document.add(where, "", "extends", repr(base_ref), allowed, error.hint)
         return document
     chain = (*chain, path)
     if base_path in chain:
         loop = " -> ".join(p.stem for p in (*chain, base_path))
-        document.problems.append(
-            Problem(
-                shown(path),
-                "",
-                "extends",
-                loop,
-                "a chain that ends",
-                "remove `extends` from one of these files",
-            )
-        )
+        hint = "remove `extends` from one of these files"
+        document.add(where, "", "extends", loop, "a chain that ends", hint)
         return document
     base = read_document(base_path, chain)
     return Document(
@@ -142,30 +132,23 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
     )
 
 
-def _parse(path: Path, problems: list[Problem]) -> dict[str, Any]:
+def _parse(path: Path, document: Document) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        problems.append(
-            Problem(
-                shown(path), "", "", str(error), "a text file in UTF-8", "case files are TOML text"
-            )
-        )
+        document.add((), "", "", str(error), "a text file in UTF-8", "case files are TOML text")
         return {}
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        lines = text.splitlines()
-        line = int(place[1]) if place else len(lines)
-        column = f"column {place[2]}" if place else "end of file"
-        found = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
-        problems.append(
-            Problem(
-                shown(path), f"line {line}", column, found, "TOML", str(error).split(" (at ")[0]
-            )
-        )
-        return {}
+        message = str(error)
+    place = re.search(r"\(at line (\d+), column (\d+)\)", message)
+    lines = text.splitlines()
+    line = int(place[1]) if place else len(lines)
+    column = f"column {place[2]}" if place else "end of file"
+    found = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
+    document.add((), f"line {line}", column, found, "TOML", message.split(" (at ", 1)[0])
+    return {}
 
 
 def _absolute_paths(data: dict[str, Any], folder: Path) -> None:

@@ -77,6 +77,7 @@ def make_network(
         rating_mva=np.array([b.rating_mva for b in branches], dtype=np.float64),
         in_service=np.array([b.in_service for b in branches], dtype=np.bool_),
         switchable=closed,
+        switching_cost=np.zeros(count),
         breakpoint=closed.copy(),
         aliases=dict(aliases or {}),
     )
@@ -155,11 +156,11 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         i = network.bus(bus.name)
         v_min[i], v_max[i] = bus.v_min_pu or v_min[i], bus.v_max_pu or v_max[i]
     switchable, breakpoint_ = network.switchable.copy(), network.breakpoint.copy()
-    rating = network.rating_mva.copy()
+    rating, cost = network.rating_mva.copy(), network.switching_cost.copy()
     for line in lines:
         i = network.line(line.name)
         switchable[i], breakpoint_[i] = line.switchable, line.breakpoint
-        rating[i] = line.rating_mva or rating[i]
+        rating[i], cost[i] = line.rating_mva or rating[i], line.switching_cost
     return replace(
         network,
         r_pu=network.r_pu * table.impedance_scale,
@@ -167,6 +168,7 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         v_min_pu=v_min,
         v_max_pu=v_max,
         switchable=switchable,
+        switching_cost=cost,
         breakpoint=breakpoint_,
         rating_mva=rating,
     )

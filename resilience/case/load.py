@@ -144,7 +144,8 @@ def _read_profiles(parts: Parts) -> dict[str, FloatArray]:
     if parts.window is None:
         return {}
     uses = list(_profile_uses(parts))
-    prices = {name: key == "price_profile" for _, _, key, name in uses}
+    powers = {name for _, _, key, name in uses if key == "profile"}
+    prices = {name: name not in powers for *_, name in uses}
     arrays, known, findings = read_profiles(table.file, table.columns or {}, parts.window, prices)
     for key, *rest in findings:
         document.add(("profiles", key), "[profiles]", key, *rest)

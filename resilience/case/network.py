@@ -35,8 +35,8 @@ class Network:
 
     Arrays have shape `(nb,)` for buses and `(nl,)` for branches. `vn_kv` is in kV, voltage limits
     in per unit of it, `r_pu` and `x_pu` in per unit on 1 MVA (the impedance scale of the case is
-    already in them), `rating_mva` in MVA with `inf` for none. `aliases` maps the names of buses
-    that a closed switch fuses to the one that stands for them.
+    already in them), `rating_mva` in MVA with `inf` for none, `switching_cost` in $ per action.
+    `aliases` maps the names of buses that a closed switch fuses to the one that stands for them.
     """
 
     bus_names: tuple[str, ...]
@@ -51,6 +51,7 @@ class Network:
     rating_mva: FloatArray
     in_service: BoolArray
     switchable: BoolArray
+    switching_cost: FloatArray
     breakpoint: BoolArray
     aliases: Mapping[str, str] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)

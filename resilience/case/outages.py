@@ -40,8 +40,8 @@ class HasHorizon(Protocol):
 
 
 @dataclass(frozen=True)
-class _Spec:
-    """One outage as written: where it stands, and its three parts."""
+class Written:
+    """One outage as text: where it stands, and its three parts."""
 
     where: str
     text: str
@@ -51,7 +51,7 @@ class _Spec:
 
 
 class _TimeError(Exception):
-    """What is wrong with one outage: (allowed, hint)."""
+    """What is wrong with the times of an outage: `(allowed, hint)`."""
 
 
 def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
@@ -73,7 +73,7 @@ def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
     return outages
 
 
-def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[_Spec], list[Problem]]:
+def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Written], list[Problem]]:
     """Split outages as written into their parts; the second list says which have another form."""
     specs, problems = [], []
     for number, text in enumerate(texts, start=1):
@@ -82,11 +82,11 @@ def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[_Spec
             hint = "write the line's name, @, and two times as HH:MM"
             problems.append(Problem(file, table, f"#{number}", repr(text), _FORM, hint))
         else:
-            specs.append(_Spec(f"{table} #{number}", text.strip(), **match.groupdict()))
+            specs.append(Written(f"{table} #{number}", text.strip(), **match.groupdict()))
     return specs, problems
 
 
-def _read_csv(path: Path) -> tuple[list[_Spec], list[Problem]]:
+def _read_csv(path: Path) -> tuple[list[Written], list[Problem]]:
     if not path.is_file():
         raise UsageError(f"outage file {path} does not exist", "columns: line, start, stop")
     with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -94,12 +94,10 @@ def _read_csv(path: Path) -> tuple[list[_Spec], list[Problem]]:
         missing = [c for c in ("line", "start", "stop") if c not in (reader.fieldnames or ())]
         if missing:
             found = ", ".join(reader.fieldnames or ()) or "no columns"
-            hint = "the first row of the file names the columns"
-            return [], [
-                Problem(str(path), "header", ", ".join(missing), found, "line, start, stop", hint)
-            ]
+            allowed, hint = "line, start, stop", "the first row of the file names the columns"
+            return [], [Problem(str(path), "header", missing[0], found, allowed, hint)]
         return [
-            _Spec(
+            Written(
                 f"row {reader.line_num}",
                 f"{r['line']}@{r['start']}-{r['stop']}",
                 *((r[c] or "").strip() for c in ("line", "start", "stop")),
@@ -109,7 +107,7 @@ def _read_csv(path: Path) -> tuple[list[_Spec], list[Problem]]:
 
 
 def place_outages(
-    specs: Iterable[_Spec], file: str, network: Network | None, window: Window | None
+    specs: Iterable[Written], file: str, network: Network | None, window: Window | None
 ) -> tuple[tuple[Outage, ...], list[Problem]]:
     """Turn written outages into slots; the second list says what cannot be placed and why.
 
@@ -120,16 +118,8 @@ def place_outages(
     outages, problems = [], []
     for spec in specs:
         if network is not None and not network.has_line(spec.line):
-            problems.append(
-                Problem(
-                    file,
-                    spec.where,
-                    "line",
-                    repr(spec.line),
-                    "a line of the network",
-                    network.line_hint(spec.line),
-                )
-            )
+            allowed, hint = "a line of the network", network.line_hint(spec.line)
+            problems.append(Problem(file, spec.where, "line", repr(spec.line), allowed, hint))
         if window is None:
             continue
         try:
@@ -142,14 +132,12 @@ def place_outages(
     return tuple(outages), problems
 
 
-def _slots(spec: _Spec, window: Window) -> tuple[int, int]:
+def _slots(spec: Written, window: Window) -> tuple[int, int]:
     start = _time(spec.start, window, None)
     stop = _time(spec.stop, window, start)
     if stop <= start:
-        raise _TimeError(
-            "an end after the start",
-            "swap the two times, or mark the day: 22:00-d2 02:00",
-        )
+        hint = "swap the two times, or mark the day: 22:00-d2 02:00"
+        raise _TimeError("an end after the start", hint)
     first, last = window.span(start, stop)
     if first >= last:
         raise _TimeError(f"times within the horizon, {window}", "move the outage or the horizon")
@@ -166,9 +154,8 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
         if (hours, minutes, seconds) > (24, 0, 0) or minutes > 59 or seconds > 59:
             raise ValueError
     except ValueError:
-        raise _TimeError(
-            f"times as HH:MM, not {text!r}", "hours run to 24, minutes to 59"
-        ) from None
+        allowed, hint = f"times as HH:MM, not {text!r}", "hours run to 24, minutes to 59"
+        raise _TimeError(allowed, hint) from None
     midnight = window.start.replace(hour=0, minute=0, second=0, microsecond=0)
     clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
     if match["day"] is not None:

@@ -63,7 +63,11 @@ def feeder_by_name(name: str) -> Feeder:
 
 def feeder_from_json(path: Path) -> Feeder:
     """Return the network of a file written by `pandapower.to_json`."""
-    return _feeder(_parse(path), "file", path.name)
+    try:
+        return _feeder(_parse(path), "file", path.name)
+    except (KeyError, TypeError, ValueError) as error:
+        hint = "write the file with pandapower.to_json(net, path)"
+        raise FeederError("file", f"{path.name}: {error!r}", "complete tables", hint) from None
 
 
 def _parse(path: Path) -> Tables:
@@ -141,14 +145,11 @@ def _active(tables: Tables, kind: str) -> Iterator[Row]:
 
 def _own_names(rows: list[Row]) -> dict[int, str] | None:
     """Return the source's names by index, or `None` where they are missing, repeated or numbers."""
-    names = [row.get("name") for row in rows]
-    if not all(
-        isinstance(n, str) and n.strip() and not re.fullmatch(r"\d+(\.0)?", n) for n in names
-    ):
+    names = [name.strip() for row in rows if isinstance(name := row.get("name"), str)]
+    telling = [name for name in names if name and not re.fullmatch(r"\d+(\.0)?", name)]
+    if len(set(telling)) < len(rows):
         return None
-    if len(set(names)) < len(names):
-        return None
-    return {int(row["index"]): str(row["name"]).strip() for row in rows}
+    return {int(row["index"]): name for row, name in zip(rows, names, strict=True)}
 
 
 def _feeder(tables: Tables, key: str, source: str) -> Feeder:

@@ -52,9 +52,8 @@ class ProfileFile:
 def read_profile_file(path: Path) -> ProfileFile:
     """Read a profile file, or take it from memory if it is unchanged."""
     if not path.is_file():
-        raise ProfileError(
-            "file", str(path), "a file that exists", "paths start at the case file's folder"
-        )
+        hint = "paths start at the case file's folder"
+        raise ProfileError("file", str(path), "a file that exists", hint)
     stat = path.stat()
     return _read(path, stat.st_mtime_ns, stat.st_size)
 
@@ -73,24 +72,22 @@ def _read_csv(path: Path) -> ProfileFile:
     try:
         text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8-sig")
     except (OSError, EOFError, UnicodeDecodeError) as error:
-        raise ProfileError(
-            "file", path.name, "UTF-8 text", f"the file is damaged: {error}"
-        ) from None
+        hint = f"the file is damaged: {error}"
+        raise ProfileError("file", path.name, "UTF-8 text", hint) from None
     rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].startswith("#")]
     if not rows or rows[0][0].strip() != "time":
         found = repr(rows[0][0]) if rows else "an empty file"
-        raise ProfileError(
-            "file", found, "`time` as the first column", "name the column of times `time`"
-        )
+        hint = "name the column of times `time`"
+        raise ProfileError("file", found, "`time` as the first column", hint)
     names = [name.strip() for name in rows[0]]
     for number, row in enumerate(rows[1:], start=1):
         if len(row) != len(names):
-            raise ProfileError(
-                "file",
+            found, allowed = (
                 f"{len(row)} cells in data row {number}",
-                f"{len(names)}, as in the header",
-                "a comma is missing or too many; decimals take a point",
+                f"{len(names)}, as the header",
             )
+            hint = "a comma is missing or too many; decimals take a point"
+            raise ProfileError("file", found, allowed, hint)
     cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(names)
     columns: dict[str, tuple[str, ...]] = dict(zip(names, cells, strict=True))
     return ProfileFile(_to_times(columns.pop("time")), columns)
@@ -103,40 +100,32 @@ def _read_parquet(path: Path) -> ProfileFile:
     try:
         table = pq.read_table(path)
     except (pa.ArrowException, OSError) as error:
-        raise ProfileError(
-            "file", path.name, "a Parquet file", f"it cannot be read: {error}"
-        ) from None
+        hint = f"the file is damaged: {error}"
+        raise ProfileError("file", path.name, "a Parquet file", hint) from None
     if "time" not in table.column_names:
-        raise ProfileError(
-            "file", ", ".join(table.column_names), "a column `time`", "name it `time`"
-        )
+        found = ", ".join(table.column_names)
+        raise ProfileError("file", found, "a column `time`", "name the column of times `time`")
     times = table.column("time")
     if pa.types.is_timestamp(times.type) and times.type.tz is None:
         stamps = times.cast(pa.timestamp("s")).to_numpy().astype("datetime64[s]")
     else:
         stamps = _to_times(tuple(map(str, times.to_pylist())))
-    return ProfileFile(
-        stamps, {n: table.column(n).to_pylist() for n in table.column_names if n != "time"}
-    )
+    names = [name for name in table.column_names if name != "time"]
+    return ProfileFile(stamps, {name: table.column(name).to_pylist() for name in names})
 
 
 def _to_times(texts: tuple[str, ...]) -> NDArray[np.datetime64]:
-    stamps: list[datetime] = []
+    stamps = []
     for row, text in enumerate(texts, start=1):
         try:
-            stamps.append(datetime.fromisoformat(text.strip()))
+            stamp = datetime.fromisoformat(text.strip())
         except ValueError:
-            stamps.append(datetime.max.replace(tzinfo=None))
-            bad: str | None = "not a date and time"
-        else:
-            bad = "a time zone" if stamps[-1].tzinfo is not None else None
-        if bad:
-            raise ProfileError(
-                "time",
-                f"{text!r} in data row {row} ({bad})",
-                "ISO date and time without a zone",
-                "write local times as 2016-07-12 14:30",
-            )
+            stamp = None
+        if stamp is None or stamp.tzinfo is not None:
+            found = f"{text!r} in data row {row}"
+            hint = "write local times as 2016-07-12 14:30"
+            raise ProfileError("time", found, "ISO date and time without a zone", hint)
+        stamps.append(stamp)
     return np.array(stamps, dtype="datetime64[s]")
 
 
@@ -152,54 +141,42 @@ def _to_numbers(name: str, cells: Any) -> FloatArray:
         try:
             numbers[row] = float(cell)
         except ValueError:
-            raise ProfileError(
-                name, f"{cell!r} in data row {row + 1}", "a number", "decimals take a point"
-            ) from None
+            found, hint = f"{cell!r} in data row {row + 1}", "decimals take a point"
+            raise ProfileError(name, found, "a number", hint) from None
     return numbers
 
 
 def find_window(file: ProfileFile, window: Window) -> slice:
     """Return the rows that cover the horizon. Raises `ProfileError` where none do exactly."""
-    times, step = file.times, np.timedelta64(timedelta(minutes=window.step_min))
-    if len(times) < 2:
-        raise ProfileError(
-            "file", f"{len(times)} rows", "one row per slot", "the file holds no series"
-        )
-    covers = f"{times[0]} to {times[-1]}".replace("T", " ")
-    steps = np.diff(times)
-    usual = np.median(steps.astype(np.int64))
-    if usual != step / np.timedelta64(1, "s"):
-        raise ProfileError(
-            "file",
-            f"a time step of {usual / 60:g} min",
-            f"step_min = {window.step_min:g}",
-            "resample the profiles to the step of the case, or change [time] step_min",
-        )
-    first = int(np.searchsorted(times, np.datetime64(window.start)))
-    if first == len(times) or times[first] != np.datetime64(window.start):
-        raise ProfileError(
-            "file",
-            f"rows from {covers}",
-            f"a row at {window.start}",
-            "move [time] start, or use a file that covers it",
-        )
+    times, start = file.times, np.datetime64(window.start)
+    _check_step(times, window)
+    first = int(np.searchsorted(times, start))
+    if first == len(times) or times[first] != start:
+        found, hint = f"rows from {times[0]} to {times[-1]}", "move [time] start, or use other data"
+        raise ProfileError("file", found.replace("T", " "), f"a row at {window.start}", hint)
     if first + window.slots > len(times):
-        raise ProfileError(
-            "file",
-            f"{len(times) - first} rows from {window.start} on (to {times[-1]})".replace("T", " "),
-            f"at least slots = {window.slots}",
-            "shorten [time] slots, or use a longer file",
-        )
+        found = f"{len(times) - first} rows from {window.start} to {times[-1]}".replace("T", " ")
+        hint = "shorten [time] slots, or use a longer file"
+        raise ProfileError("file", found, f"at least slots = {window.slots}", hint)
     rows = slice(first, first + window.slots)
-    for row, (a, b) in enumerate(pairwise(times[rows]), start=first + 1):
-        if b - a != step:
-            raise ProfileError(
-                "file",
-                f"{b} after {a}, data row {row + 1}".replace("T", " "),
-                f"a step of {window.step_min:g} min",
-                "fill the gap in the file",
-            )
+    step = timedelta(minutes=window.step_min)
+    for row, (one, other) in enumerate(pairwise(times[rows].tolist()), start=first + 2):
+        if other - one != step:
+            found = f"{other} after {one}, data row {row}"
+            allowed = f"a step of {window.step_min:g} min"
+            raise ProfileError("file", found, allowed, "fill the gap in the file")
     return rows
+
+
+def _check_step(times: NDArray[np.datetime64], window: Window) -> None:
+    if len(times) < 2:
+        found, hint = f"{len(times)} rows", "the file holds no time series"
+        raise ProfileError("file", found, "one row per slot", hint)
+    step_min = float(np.median(np.diff(times).astype(np.int64))) / 60.0
+    if step_min != window.step_min:
+        allowed = f"step_min = {window.step_min:g}"
+        hint = "resample the profiles to the step of the case, or change [time] step_min"
+        raise ProfileError("file", f"a time step of {step_min:g} min", allowed, hint)
 
 
 def read_profiles(

@@ -77,6 +77,7 @@ class LineTable(Table):
     name: Name = Field(description="name of a line of the network")
     breakpoint: bool = Field(False, description="true: storms can break the feeder here")
     switchable: bool = Field(False, description="true: the plan may open or close it")
+    switching_cost: NonNegative = Field(0.0, description="$ each time the plan opens or closes it")
     rating_mva: Positive | None = Field(
         None, description="thermal limit, MVA, in place of the network's"
     )

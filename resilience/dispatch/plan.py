@@ -17,10 +17,11 @@ from resilience.models.algebra import Floats
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
+from resilience.models.problem import Problem, as_switched, horizon
 from resilience.models.referee import audit, settle
+from resilience.models.situation import Situation
 from resilience.progress import phase, stopwatch
-from resilience.results import Plan, Table, outage_texts
+from resilience.results import Plan, Table, outage_texts, replacing_file
 
 
 def solve(
@@ -83,8 +84,8 @@ def export_model(plan: Plan, path: Path) -> None:
     cones = any(s.kind == "cone" for s in problem.standard.structures)
     model = Pyomo(problem.standard, solver="scip" if cones else "highs")
     model.update(problem.vectors)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    model.write(path)
+    with replacing_file(path) as fresh:
+        model.write(fresh)
 
 
 def describe(problem: Problem, answer: Answer, method: str) -> Plan:
@@ -165,7 +166,8 @@ def tabulate(problem: Problem, z: Floats) -> dict[str, Table]:
     if case.pv:
         found["pv_available"] = Table(standard.labels("pv.p"), data["pv.available"])
     found["power"] = Table(tuple(power), np.array(list(power.values())))
-    return found | _wires(problem, z) | _states(problem, z)
+    found |= _wires(problem, z)
+    return found | _states(problem, z, as_switched(problem, z))
 
 
 def _wires(problem: Problem, z: Floats) -> dict[str, Table]:
@@ -177,17 +179,13 @@ def _wires(problem: Problem, z: Floats) -> dict[str, Table]:
         if standard.has(name):
             found[table] = Table(standard.labels(name), z[standard.columns(name)])
     if standard.has("line.p"):
-        closed = problem.data["line.up"].copy()
-        if standard.has("line.closed"):
-            names = standard.labels("line.p")
-            at = [names.index(n) for n in standard.labels("line.closed")]
-            closed[at] = np.round(z[standard.columns("line.closed")])
-        found["line_closed"] = Table(standard.labels("line.p"), closed)
+        closed = as_switched(problem, z).line_up
+        found["line_closed"] = Table(standard.labels("line.p"), closed.astype(float))
     return found
 
 
-def _states(problem: Problem, z: Floats) -> dict[str, Table]:
-    standard, case, situation = problem.standard, problem.case, problem.situation
+def _states(problem: Problem, z: Floats, situation: Situation) -> dict[str, Table]:
+    standard, case = problem.standard, problem.case
     island = np.where(situation.alive > 0.5, situation.island + 1, 0)
     bus_of = problem.grid.bus_of
     found = {"island": Table(case.network.bus_names, island[bus_of].astype(float))}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.models.algebra import Floats, Ints
-from resilience.models.problem import Problem
+from resilience.models.problem import Problem, as_switched
 
 NEAR = 1e-4
 Bools = np.ndarray
@@ -29,7 +29,7 @@ def shed_reasons(problem: Problem, z: Floats) -> dict[str, dict[str, float]]:
     if not case.load:
         return {}
     shed = z[standard.columns("load.shed")]
-    island = problem.situation.island[problem.grid.at(case.load)]
+    island = as_switched(problem, z).island[problem.grid.at(case.load)]
     causes = _causes(problem, z)
     found: dict[str, dict[str, float]] = {}
     for i, t in np.argwhere(shed > NEAR):
@@ -54,7 +54,7 @@ def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
 
 def _causes(problem: Problem, z: Floats) -> dict[str, Bools]:
     """(islands, slots) what is true of every island: see the names used in `_reason`."""
-    grid, situation = problem.grid, problem.situation
+    grid, situation = problem.grid, as_switched(problem, z)
     shape = (int(situation.island.max()) + 1, situation.n)
 
     def some(at: Ints, holds: Bools) -> Bools:
@@ -129,5 +129,6 @@ def _at_rating(problem: Problem, z: Floats) -> Bools:
     if standard.has("line.q"):
         flow = flow + z[standard.columns("line.q")] ** 2
     rating = network.rating_mva[:, None]
-    found: Bools = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
-    return found & (problem.data["line.up"] > 0.5)
+    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
+    found: Bools = near & as_switched(problem, z).line_up
+    return found

@@ -94,7 +94,7 @@ class Microgrid:
             fallible=self.fallible,
             switchable=network.switchable,
             closed=network.in_service,
-            switching_cost=np.zeros(len(network.line_names)),
+            switching_cost=network.switching_cost,
             v_band=(float(network.v_min_pu.min()), float(network.v_max_pu.max())),
             losses=self.physics == "distflow",
         )

@@ -69,6 +69,7 @@ def _lines(network: Network, keep: Ints) -> Network:
             "rating_mva",
             "in_service",
             "switchable",
+            "switching_cost",
             "breakpoint",
         )
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -63,3 +63,14 @@ def horizon(case: Case, physics: Physics = "lindistflow") -> Problem:
     standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
     situation = grid.situation(status(case))
     return Problem(grid, standard, situation, grid.data(situation), grid.start())
+
+
+def as_switched(problem: Problem, z: Floats) -> Situation:
+    """The situation with every switchable line as z has it: the islands that really form."""
+    standard, situation = problem.standard, problem.situation
+    if not standard.has("line.closed"):
+        return situation
+    up = situation.line_up.copy()
+    at = [situation.names.index(name) for name in standard.labels("line.closed")]
+    up[at] = z[standard.columns("line.closed")] > 0.5
+    return replace(situation, line_up=up)

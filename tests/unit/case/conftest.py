@@ -111,7 +111,7 @@ price_profile = "price"
 CaseFile = Callable[..., Path]
 
 
-@pytest.fixture()
+@pytest.fixture
 def case_file(tmp_path: Path) -> CaseFile:
     """Write a case file; pairs of texts replace parts of the valid case above."""
 

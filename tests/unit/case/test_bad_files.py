@@ -83,7 +83,7 @@ def test_a_missing_network_file_is_refused(case_file):
 def test_an_unknown_case_name_offers_the_nearest():
     with pytest.raises(UsageError, match="did you mean ieee33"):
         load_case("iee33")
-    with pytest.raises(UsageError, match="known are .*ieee33"):
+    with pytest.raises(UsageError, match=r"known are .*ieee33"):
         load_case("xyz")
     with pytest.raises(UsageError, match="does not exist"):
         load_case("nowhere/case.toml")

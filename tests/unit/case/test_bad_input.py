@@ -1,6 +1,5 @@
 """Every mistake in a case file is found, all at once, with where it is and how to mend it."""
 
-import pickle
 from dataclasses import dataclass
 
 import pytest

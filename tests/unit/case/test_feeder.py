@@ -93,7 +93,7 @@ def switched_net(pp):
     return net
 
 
-@pytest.fixture()
+@pytest.fixture
 def switched(tmp_path):
     pp, net = pandapower_net(switched_net)
     path = tmp_path / "switched.json"
@@ -150,9 +150,9 @@ def test_a_file_that_is_no_network_is_refused(tmp_path, text, value):
     path.write_text(text)
     with pytest.raises(FeederError, match=value):
         read(path)
+    other = path.rename(path.with_suffix(".txt"))
     with pytest.raises(FeederError, match=r"\.json or a MATPOWER"):
-        path.with_suffix(".txt").write_text(text)
-        read(path.with_suffix(".txt"))
+        read(other)
 
 
 def test_inline_tables_and_pandapower_give_the_same_pu(case_file):
@@ -180,3 +180,10 @@ def test_parts_with_a_grid_of_their_own_are_no_mistake(tmp_path):
     path = tmp_path / "two.toml"
     path.write_text(new_case_text("mv_oberrhein"))
     assert len(load_case(path).grid) == 2
+
+
+def test_a_transformer_without_data_is_refused(switched):
+    path, _, _ = switched
+    path.write_text(path.read_text().replace("vk_percent", "uk_percent"))
+    with pytest.raises(FeederError, match="vk_percent"):
+        read(path)

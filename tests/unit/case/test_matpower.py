@@ -71,7 +71,7 @@ def test_a_power_factor_at_the_end_makes_kva_into_kw_and_kvar(tmp_path):
 
 
 def test_without_conversions_values_are_pu_on_the_base_of_the_file(tmp_path):
-    feeder = read(tmp_path, OHMS.split("[PQ")[0])
+    feeder = read(tmp_path, OHMS.split("[PQ", 1)[0])
     np.testing.assert_allclose(feeder.network.r_pu, [0.00922, 0.0493, 0.2])
     assert feeder.load[0].p_mw == 100.0
 
@@ -101,4 +101,4 @@ def test_other_statements_on_the_tables_are_refused(tmp_path, statement):
 )
 def test_a_file_that_lacks_what_is_needed_is_refused(tmp_path, old, new, message):
     with pytest.raises(FeederError, match=message):
-        read(tmp_path, OHMS.replace(old, new, 1).split("[PQ")[0])
+        read(tmp_path, OHMS.replace(old, new, 1).split("[PQ", 1)[0])

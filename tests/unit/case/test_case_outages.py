@@ -88,7 +88,7 @@ def test_mistakes_in_a_file_are_all_reported_with_their_rows(tmp_path):
 
 
 def test_an_unknown_line_is_refused_with_a_hint():
-    with pytest.raises(CaseError, match="did you mean 6-26?"):
+    with pytest.raises(CaseError, match=r"did you mean 6-26\?"):
         parse_outages("26-6@14:00-17:30", horizon())
 
 
