@@ -1,1 +1,1 @@
-"""Speed and memory against the targets; `python -m bench`."""
+"""Speed and memory against the targets: `python -m bench`."""

@@ -41,7 +41,9 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
     panels = [_power, _storage, _shed, _voltage, _islands]
     needs = ["power", "soc", "shed", "voltage", "island"]
     drawn = [p for p, need in zip(panels, needs, strict=True) if need in plan.tables]
-    heights = [2.4 if p is _power else 1.5 if p is _islands else 1.2 for p in drawn]
+    if plan.case is not None and plan.case.outages:
+        drawn.append(_lines_out)
+    heights = [{_power: 2.4, _islands: 1.5, _lines_out: 0.6}.get(p, 1.2) for p in drawn]
     figure = Figure(figsize=(9.0, 1.2 + 1.35 * sum(heights)), layout="constrained")
     axes = figure.subplots(
         len(drawn), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
@@ -49,7 +51,7 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
     hours = _hours(plan)
     for axis, panel in zip(axes, drawn, strict=True):
         panel(axis, plan, hours)
-        if panel is not _islands:
+        if panel not in (_islands, _lines_out):
             _outages(axis, plan)
         for side in ("top", "right"):
             axis.spines[side].set_visible(False)
@@ -118,7 +120,8 @@ def _power(axis: Axes, plan: Plan, hours: Floats) -> None:
         shed = plan.tables["shed"].values.sum(0)
         if shed.max() > 1e-4:
             label = "shed"
-            _stairs(axis, hours, demand - shed, demand, color=COLOURS["shed"], label=label)
+            style = {"facecolor": "none", "edgecolor": COLOURS["shed"], "hatch": "////"}
+            _stairs(axis, hours, demand - shed, demand, label=label, **style)
         axis.step(
             hours,
             np.append(demand, demand[-1]),
@@ -184,8 +187,7 @@ def _islands(axis: Axes, plan: Plan, hours: Floats) -> None:
     from matplotlib.colors import ListedColormap
 
     table = plan.tables["island"]
-    number = table.values.astype(int)
-    shown = np.where(number == 0, 0, 1 + (number - 1) % (len(ISLANDS) - 1))
+    shown = _island_colours(table.values.astype(int))
     axis.pcolormesh(
         hours,
         np.arange(len(table.labels) + 1) + 0.5,
@@ -199,6 +201,30 @@ def _islands(axis: Axes, plan: Plan, hours: Floats) -> None:
     axis.set_yticks(ticks + 1, [table.labels[k] for k in ticks], fontsize=7)
     axis.set_ylabel("bus\n(islands;\nblack: dead)")
     axis.invert_yaxis()
+
+
+def _island_colours(number: np.ndarray) -> np.ndarray:
+    """(buses, slots) a colour per set of buses, so that an island keeps its colour over time."""
+    seen: dict[bytes, int] = {}
+    shown = np.zeros_like(number)
+    for t in range(number.shape[1]):
+        for island in np.unique(number[:, t]):
+            members = number[:, t] == island
+            if island:
+                at = seen.setdefault(members.tobytes(), len(seen))
+                shown[members, t] = 1 + at % (len(ISLANDS) - 1)
+    return shown
+
+
+def _lines_out(axis: Axes, plan: Plan, hours: Floats) -> None:
+    outages = plan.case.outages if plan.case else ()
+    lines = list(dict.fromkeys(outage.line for outage in outages))
+    for outage in outages:
+        first, stop = hours[outage.first], hours[outage.stop]
+        axis.barh(lines.index(outage.line), stop - first, left=first, color="#374151", height=0.7)
+    axis.set_yticks(range(len(lines)), lines, fontsize=7)
+    axis.set_ylabel("lines\nout")
+    axis.set_ylim(len(lines) - 0.5, -0.5)
 
 
 def _outages(axis: Axes, plan: Plan) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema import DeviceTable
 
+SHOWN = 12  # names in a list before the rest is only counted
 GOOD = 1e-5  # scaled violation up to which a plan is called clean
 
 
@@ -30,9 +31,10 @@ def print_plan(plan: Plan, console: Console) -> None:
 
 
 def _verdict(plan: Plan) -> Text:
-    style = "bold green" if plan.status == "optimal" else "bold yellow"
+    style = "bold green" if plan.status == "optimal" and not plan.relaxed else "bold yellow"
+    status = f"{plan.status} for a relaxation" if plan.relaxed else plan.status
     text = Text.assemble((plan.name, "bold"), "  ", plan.method, " on ", plan.physics, "  ")
-    text.append(plan.status, style)
+    text.append(status, style)
     text.append(f"\nobjective {plan.objective:.4f} $")
     text.append(f" = operating cost {plan.operating_cost:.4f}")
     text.append(f" - terminal credit {plan.terminal_credit:.4f}")
@@ -129,9 +131,11 @@ def print_case(case: Case, console: Console) -> None:
     """Prints what a case holds."""
     network = case.network
     title = Text.assemble((case.name, "bold"), f"  {case.description}")
+    closed = int(network.in_service.sum())
     title.append(
-        f"\n{len(network.bus_names)} buses, {len(network.line_names)} lines; {case.slots} slots of "
-        f"{case.step_min:g} min from {case.start:%Y-%m-%d %H:%M}"
+        f"\n{len(network.bus_names)} buses, {closed} closed lines, "
+        f"{len(network.line_names) - closed} open; {case.slots} slots of {case.step_min:g} min "
+        f"from {case.start:%Y-%m-%d %H:%M}"
     )
     console.print(title)
     breakpoints = [n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b]
@@ -140,6 +144,8 @@ def print_case(case: Case, console: Console) -> None:
         if names:
             console.print(f"{words}: {', '.join(names)}")
     console.print(f"outages: {', '.join(outage_texts(case)) or 'none'}")
+    for line in _islands(case):
+        console.print(line)
     rows = [
         _fleet("grid", case.grid, "import_max_mw"),
         _fleet("generator", case.generator, "p_max_mw"),
@@ -154,4 +160,27 @@ def print_case(case: Case, console: Console) -> None:
 
 def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ...]:
     total = sum(getattr(t, size) for t in tables)
-    return kind, str(len(tables)), f"{total:.3f}", ", ".join(f"{t.name}@{t.bus}" for t in tables)
+    places = ", ".join(f"{t.name}@{t.bus}" for t in tables[:SHOWN])
+    more = f" and {len(tables) - SHOWN} more" if len(tables) > SHOWN else ""
+    return kind, str(len(tables)), f"{total:.3f}", places + more
+
+
+def _islands(case: Case) -> list[str]:
+    """What the outages of the case cut the feeder into at worst."""
+    from resilience.models.microgrid import microgrid
+    from resilience.models.problem import status
+
+    if not case.outages:
+        return []
+    grid = microgrid(case, "copperplate")
+    situation = grid.situation(status(case))
+    counts = situation.island.max(axis=0) + 1
+    worst = int(counts.argmax())
+    found = [f"most islands: {counts[worst]}, from {case.slot_label(worst)}"]
+    for number in range(int(counts[worst])):
+        inside = situation.island[grid.bus_of, worst] == number
+        buses = [name for name, yes in zip(case.network.bus_names, inside, strict=True) if yes]
+        dead = "" if situation.alive[grid.bus_of, worst][inside].any() else " (no source: dead)"
+        shown = ", ".join(buses[:SHOWN]) + (f", ... ({len(buses)})" if len(buses) > SHOWN else "")
+        found.append(f"  {shown}{dead}")
+    return found

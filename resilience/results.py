@@ -231,14 +231,12 @@ def replacing(folder: Path, mark: str) -> Iterator[Path]:
 
 @contextmanager
 def replacing_file(path: Path) -> Iterator[Path]:
-    """A new file, with the suffix of `path`, that takes its place when the block ends well."""
+    """A new file, called as `path`, that takes its place when the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.stem}-{os.getpid()}{path.suffix}")
-    try:
+    with tempfile.TemporaryDirectory(prefix=".new-", dir=path.parent) as folder:
+        fresh = Path(folder) / path.name
         yield fresh
         os.replace(fresh, path)
-    finally:
-        fresh.unlink(missing_ok=True)
 
 
 __all__ = ["UNITS", "Plan", "Table", "load_plan", "outage_texts", "replacing", "replacing_file"]

@@ -41,7 +41,8 @@ shed_cost_per_mwh = 1000.0
 """
 
 _EXAMPLES = """
-# A storage system: at most 1 MW either way, 4 MWh.
+# A storage system: at most 1 MW either way, 4 MWh. s_mva is its inverter's rating: without it the
+# unit feeds no reactive power, which loads need when the grid is gone.
 # [[ess]]
 # name = "ess1"
 # bus = {bus}
@@ -51,12 +52,14 @@ _EXAMPLES = """
 # soc_max = 0.9
 # efficiency_charge = 0.95
 # efficiency_discharge = 0.95
+# s_mva = 1.1
 
 # A diesel generator.
 # [[generator]]
 # name = "diesel1"
 # bus = {bus}
 # p_max_mw = 1.0
+# q_max_mvar = 0.75
 # cost_per_mwh = 300.0
 """
 

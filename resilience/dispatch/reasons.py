@@ -14,6 +14,7 @@ REASONS = {
     "no source": "its island has no grid-forming unit",
     "power": "sources of its island are at their limits",
     "energy": "sources of its island are at their limits, storage is empty",
+    "reactive": "reactive power of its island is at its limit (s_mva, q_max_mvar)",
     "saved": "storage saves what it has for a later slot",
     "voltage": "voltages of its island are at both ends of their band",
     "rating": "a line of its island is at its rating",
@@ -46,7 +47,7 @@ def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
         return "no source"
     if causes["bound"][island, t]:
         return "energy" if causes["empty"][island, t] else "power"
-    for reason in ("saved", "voltage", "rating"):
+    for reason in ("reactive", "saved", "voltage", "rating"):
         if causes[reason][island, t]:
             return reason
     return "block" if block else "price"
@@ -79,6 +80,8 @@ def _causes(problem: Problem, z: Floats) -> dict[str, Bools]:
         "dead": some(buses, situation.alive < 0.5),
         "bound": ~spare,
         "empty": empty,
+        "reactive": some(grid.at(problem.case.load), _asks_reactive(problem))
+        & ~some(*_reactive_room(problem, z)),
         "saved": saved,
         "voltage": some(buses, lowest) & some(buses, highest),
         "rating": some(grid.network.from_bus, _at_rating(problem, z)),
@@ -105,6 +108,39 @@ def _sources(problem: Problem, z: Floats) -> list[tuple[Ints, Bools, Bools]]:
         starved = z[energy] <= problem.vectors.lower[energy] + NEAR
         found.append((grid.at(case.ess), full, starved))
     return found
+
+
+def _asks_reactive(problem: Problem) -> Bools:
+    """(loads, slots) whether a load asks for reactive power that the physics carries."""
+    factors = np.array([t.power_factor for t in problem.case.load])
+    asks = (factors < 1.0) & problem.standard.has("line.q")
+    found: Bools = asks[:, None] & (problem.data["load.demand"] > NEAR)
+    return found
+
+
+def _reactive_room(problem: Problem, z: Floats) -> tuple[Ints, Bools]:
+    """Bus of every device, and whether it could feed in more reactive power, (devices, slots)."""
+    standard, case, grid = problem.standard, problem.case, problem.grid
+    places, room = [np.empty(0, np.intp)], [np.empty((0, problem.situation.n), bool)]
+    inverters = [t for t in case.pv if t.s_mva], [t for t in case.ess if t.s_mva]
+    fleets = (("generator", case.generator), ("grid", case.grid), ("pv", inverters[0]))
+    for name, tables in (*fleets, ("ess", inverters[1])):
+        if tables and standard.has(f"{name}.q"):
+            columns = standard.columns(f"{name}.q")
+            below = z[columns] < problem.vectors.upper[columns] - NEAR
+            places.append(grid.at(tables))
+            room.append(below & ~_at_disc(problem, z, f"{name}.rating", below.shape))
+    return np.concatenate(places), np.concatenate(room)
+
+
+def _at_disc(problem: Problem, z: Floats, name: str, shape: tuple[int, ...]) -> Bools:
+    """(devices, slots) whether an inverter is at its rating, as closely as its polygon allows."""
+    for structure in problem.standard.structures:
+        if structure.name == name:
+            length = np.sqrt(sum(x**2 for x in structure.values(z)))
+            found: Bools = (length >= 0.96 * structure.limits[0]).reshape(shape[::-1]).T
+            return found
+    return np.zeros(shape, bool)
 
 
 def _voltage_limits(problem: Problem, z: Floats) -> tuple[Bools, Bools]:

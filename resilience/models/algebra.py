@@ -95,9 +95,9 @@ class Affine:
 
     def __getitem__(self, index: Any) -> Affine:
         chosen = np.atleast_1d(np.arange(self.n)[index])
-        pick = sp.csr_array(
-            (np.ones(len(chosen)), (np.arange(len(chosen)), chosen)), shape=(len(chosen), self.n)
-        )
+        order = np.argsort(chosen, kind="stable")
+        starts = np.searchsorted(chosen[order], np.arange(self.n + 1))
+        pick = sp.csc_array((np.ones(len(chosen)), order, starts), shape=(len(chosen), self.n))
         labels = tuple(self.labels[i] for i in chosen) if self.labels else None
         return self.mapped(pick, labels)
 
@@ -156,5 +156,5 @@ def stack(parts: Sequence[Affine]) -> Affine:
 def scatter(part: Affine, index: ArrayLike, n: int, labels: Labels | None = None) -> Affine:
     """An n-vector that is zero but for `part` at the places `index`."""
     index = np.asarray(index, np.intp)
-    place = sp.csc_array((np.ones(part.n), (index, np.arange(part.n))), shape=(n, part.n))
+    place = sp.csc_array((np.ones(part.n), index, np.arange(part.n + 1)), shape=(n, part.n))
     return part.mapped(place, labels)

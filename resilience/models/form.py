@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Affine, Floats, Ints
+from resilience.models.algebra import Affine, Floats, Ints, stack
 from resilience.models.stage import Block, Stage, Structure
 
 
@@ -44,9 +45,10 @@ class Form:
         self.n_columns = at
         last = self.stage.datums[-1] if self.stage.datums else None
         self.n_data = last.start + last.n if last else 0
-        self._rows()
-        self._bounds()
+        rows = _joined([row.expression for row in self.stage.rows])
+        self._rows(rows)
         self.costs = [self._cost(c.name, c.term, c.price) for c in self.stage.costs]
+        self._changes(rows)
         self.penalty = np.zeros(self.n_columns)
         for term in self.stage.penalties:
             self.penalty += self.matrix(term).sum(axis=0)
@@ -86,49 +88,76 @@ class Form:
         at = x.ids < 0
         return sp.csr_array((x.values[at], (x.rows[at], ~x.ids[at])), shape=(x.n, self.n_data))
 
-    def _rows(self) -> None:
-        rows = self.stage.rows
-        sizes = [row.expression.n for row in rows]
+    def _rows(self, rows: Affine) -> None:
+        sizes = [row.expression.n for row in self.stage.rows]
         self.row_start = np.cumsum([0, *sizes])
-        self.n_rows = int(self.row_start[-1])
-        width = [(0, self.n_columns), (0, self.n_data)]
-        empty = [sp.csr_array(shape) for shape in width]
-        if rows:
-            self.a = sp.vstack([self.matrix(r.expression) for r in rows], format="coo")
-            self.rhs_data = -sp.vstack([self.data_matrix(r.expression) for r in rows], format="csr")
-        else:
-            self.a, self.rhs_data = empty[0].tocoo(), empty[1]
-        self.rhs = -np.concatenate([r.expression.const for r in rows] or [np.empty(0)])
-        self.equality = np.repeat([r.equality for r in rows], sizes).astype(bool)
+        self.n_rows = rows.n
+        self.a = self.matrix(rows).tocoo()
+        self.equality = np.repeat([r.equality for r in self.stage.rows], sizes).astype(bool)
 
-    def _bounds(self) -> None:
+    def _changes(self, rows: Affine) -> None:
+        """One matrix for all that data can change: `fixed + moving @ data`, cut at `parts`, are
+        the lower and upper bounds of the own columns, the right-hand sides, and all prices;
+        `offset + offset_data @ data` is what the node costs whatever the columns.
+        """
         blocks = self.stage.variables
         keep = [i for i, b in enumerate(blocks) if b.kind != "now"]
-        self.integer = np.repeat(
-            [self.stage.integer[i] for i in keep], [blocks[i].n for i in keep]
-        ).astype(bool)
-        for side in ("lower", "upper"):
-            limits: list[Affine] = [getattr(self.stage, side)[i] for i in keep]
-            const = np.concatenate([x.const for x in limits] or [np.empty(0)])
-            data = [self.data_matrix(x) for x in limits] or [sp.csr_array((0, self.n_data))]
-            setattr(self, side, const)
-            setattr(self, side + "_data", sp.vstack(data, format="csr"))
+        whole = [self.stage.integer[i] for i in keep]
+        self.integer = np.repeat(whole, [blocks[i].n for i in keep]).astype(bool)
+        limits = [side[i] for side in (self.stage.lower, self.stage.upper) for i in keep]
+        sides = _joined([*limits, rows * -1.0])
+        prices = sum((c.columns for c in self.costs), np.zeros(self.n_columns))
+        moved = sum((c.columns_data for c in self.costs), self._no_data)
+        self.parts = np.cumsum([self.n_own, self.n_own, self.n_rows])
+        self.fixed = np.concatenate([sides.const, prices])
+        self.moving = sp.vstack([self.data_matrix(sides), moved], format="csr")
+        self.lower, self.upper, self.rhs, _ = np.split(self.fixed, self.parts)
+        self.offset = sum(c.offset for c in self.costs)
+        self.offset_data = sum((c.offset_data for c in self.costs), np.zeros(self.n_data))
 
-    lower: Floats = field(init=False)
-    upper: Floats = field(init=False)
-    lower_data: sp.csr_array = field(init=False)
-    upper_data: sp.csr_array = field(init=False)
+    @cached_property
+    def lower_data(self) -> sp.csr_array:
+        """What data adds to the lower bounds, (own columns, data)."""
+        return self.moving[: self.parts[0]]
+
+    @cached_property
+    def upper_data(self) -> sp.csr_array:
+        """What data adds to the upper bounds, (own columns, data)."""
+        return self.moving[self.parts[0] : self.parts[1]]
+
+    @cached_property
+    def rhs_data(self) -> sp.csr_array:
+        """What data adds to the right-hand sides, (rows, data)."""
+        return self.moving[self.parts[1] : self.parts[2]]
+
+    @property
+    def _no_data(self) -> sp.csr_array:
+        return sp.csr_array((self.n_columns, self.n_data))
 
     def _cost(self, name: str, term: Affine, price: Affine) -> CostForm:
-        columns, worth = self.matrix(term), self.data_matrix(price)
+        """`sum(price * term)`, of which only one of the two may hold data."""
+        of_data = term.ids < 0
+        weights = term.values * price.const[term.rows]
+        at = self.position[term.ids[~of_data]]
+        moving = _summed(~term.ids[of_data], weights[of_data], self.n_data)
+        worth = price.values * term.const[price.rows]
+        both = self.matrix(term).T @ self.data_matrix(price) if price.has_data else self._no_data
         return CostForm(
             name,
-            columns.T @ price.const,
-            (columns.T @ worth).tocsr(),
+            _summed(at, weights[~of_data], self.n_columns),
+            both.tocsr(),
             float(term.const @ price.const),
-            worth.T @ term.const + self.data_matrix(term).T @ price.const,
+            moving + _summed(~price.ids, worth, self.n_data),
         )
 
     def structures(self) -> list[tuple[Structure, list[sp.csr_array]]]:
         """Every structure with the coefficient matrix of each of its arguments."""
         return [(s, [self.matrix(arg) for arg in s.args]) for s in self.stage.structures]
+
+
+def _joined(parts: list[Affine]) -> Affine:
+    return stack(parts) if parts else Affine.constant(0.0, 0)
+
+
+def _summed(at: Ints, weights: Floats, n: int) -> Floats:
+    return np.bincount(at, weights, n).astype(np.float64)

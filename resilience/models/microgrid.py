@@ -14,7 +14,7 @@ from resilience.errors import UsageError
 from resilience.models import components as parts
 from resilience.models.algebra import Affine, Floats, Ints, stack
 from resilience.models.components import Component, Injection
-from resilience.models.network import closable, cycle, exchange, merge
+from resilience.models.network import bundle, closable, cycle, exchange, merge
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
@@ -190,10 +190,11 @@ def microgrid(case: Case, physics: Physics = "lindistflow") -> Microgrid:
             f"physics {physics!r} is unknown; allowed: {', '.join(PHYSICS)}",
             hint="lindistflow is the default of linear methods, distflow of conic ones",
         )
-    network = closable(case.network)
-    lines_of = np.array([case.network.line(name) for name in network.line_names], np.intp)
     hit = {outage.line for outage in case.outages}
-    fallible = network.breakpoint | np.array([n in hit for n in network.line_names], bool)
+    network = closable(case.network)
+    network = bundle(network, _fallible(network, hit))
+    lines_of = np.array([case.network.line(name) for name in network.line_names], np.intp)
+    fallible = _fallible(network, hit)
     bus_of = np.arange(len(network.bus_names))
     if physics == "copperplate":
         whole = network
@@ -207,3 +208,9 @@ def microgrid(case: Case, physics: Physics = "lindistflow") -> Microgrid:
             hint="open one of them, mark one `switchable`, or use --physics copperplate",
         )
     return Microgrid(case, physics, network, bus_of, lines_of, fallible)
+
+
+def _fallible(network: Network, hit: set[str]) -> Bools:
+    """(lines,) lines that are breakpoints or that an outage of the case hits."""
+    found: Bools = network.breakpoint | np.isin(network.line_names, list(hit))
+    return found

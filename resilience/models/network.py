@@ -58,6 +58,35 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
     return merged, bus_of
 
 
+def bundle(network: Network, fallible: Bools) -> Network:
+    """Joins parallel lines that are always closed into one with the same terminal behaviour.
+
+    Admittances add up; the rating is reached when the first of them reaches its own.
+
+    Args:
+        network: only lines that can be closed.
+        fallible: (lines,) lines that may fail; they stay alone.
+    """
+    firm = network.in_service & ~network.switchable & ~fallible
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k in np.flatnonzero(firm):
+        ends = sorted((int(network.from_bus[k]), int(network.to_bus[k])))
+        groups.setdefault((ends[0], ends[1]), []).append(int(k))
+    parallel = [members for members in groups.values() if len(members) > 1]
+    if not parallel:
+        return network
+    r, x, rating = network.r_pu.copy(), network.x_pu.copy(), network.rating_mva.copy()
+    keep = np.ones(len(r), bool)
+    for members in parallel:
+        admittance = 1.0 / (r[members] + 1j * x[members])
+        total = admittance.sum()
+        rating[members[0]] = (rating[members] * abs(total) / abs(admittance)).min()
+        r[members[0]], x[members[0]] = (1.0 / total).real, (1.0 / total).imag
+        keep[members[1:]] = False
+    joined = replace(network, r_pu=r, x_pu=x, rating_mva=rating)
+    return _lines(joined, np.flatnonzero(keep))
+
+
 def _lines(network: Network, keep: Ints) -> Network:
     chosen = {
         key: getattr(network, key)[keep]

@@ -41,14 +41,17 @@ class Situation:
     @cached_property
     def island(self) -> Ints:
         """(buses, nodes) number of the island that each bus belongs to, from 0."""
-        patterns, at = np.unique(self.line_up, axis=1, return_inverse=True)
-        buses = len(self.forming)
-        found = np.empty((buses, patterns.shape[1]), np.intp)
-        for k in range(patterns.shape[1]):
-            i, j = self.ends[:, patterns[:, k]]
-            graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(buses, buses))
-            found[:, k] = connected_components(graph, directed=False)[1]
-        return found[:, at.ravel()]
+        buses, packed = len(self.forming), np.packbits(self.line_up, axis=0)
+        _, first, at = np.unique(packed, axis=1, return_index=True, return_inverse=True)
+        # All patterns side by side in one graph, because a search costs more to begin than to do.
+        line, pattern = np.nonzero(self.line_up[:, first])
+        i, j = self.ends[:, line] + pattern * buses
+        n = buses * len(first)
+        graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
+        found = connected_components(graph, directed=False)[1].reshape(len(first), buses)
+        found = found - found.min(axis=1, keepdims=True, initial=n)
+        islands: Ints = found.T[:, at.ravel()].astype(np.intp)
+        return islands
 
     @cached_property
     def alive(self) -> Floats:

@@ -102,7 +102,7 @@ class Standard:
         """Number of rows that are cuts: one per cut and leaf."""
         return len(self.cuts) * len(self.tree.leaves)
 
-    @property
+    @cached_property
     def future(self) -> Ints:
         """Columns of the cost to go, one per leaf of the tree."""
         return self.n_states + np.arange(len(self.tree.leaves))
@@ -179,8 +179,9 @@ class Standard:
             value = np.asarray(data[block.name], float)
             if value.ndim == 1:
                 value = value[:, None]
-            full = np.broadcast_to(value, (block.n, self.tree.n))
-            stacked[block.slice] = full[:, nodes]
+            if value.shape != (block.n, self.tree.n):
+                value = np.broadcast_to(value, (block.n, self.tree.n))
+            stacked[block.slice] = value if len(nodes) == self.tree.n else value[:, nodes]
         return stacked
 
     def vectors(self, data: Values, x0: Values) -> Vectors:
@@ -200,35 +201,37 @@ class Standard:
         ):
             d = self.data_matrix(data, form, nodes)
             own = table[:, form.n_now :]
-            lower[own] = (form.lower[:, None] + form.lower_data @ d).T
-            upper[own] = (form.upper[:, None] + form.upper_data @ d).T
-            rhs[rows] = (form.rhs[:, None] + form.rhs_data @ d).T
+            changed = form.fixed[:, None] + form.moving @ d
+            a, b, c = form.parts
+            lower[own], upper[own], rhs[rows] = changed[:a].T, changed[a:b].T, changed[b:c].T
             weight = self.tree.probability[nodes]
-            for term in form.costs:
-                prices = (term.columns[:, None] + term.columns_data @ d) * weight
-                np.add.at(cost, table, prices.T)
-                offset += float(weight @ (term.offset + term.offset_data @ d))
+            # A state's column stands in two nodes, at the end of one and the start of the next.
+            cost += np.bincount(table.ravel(), (changed[c:] * weight).T.ravel(), n)
+            offset += float(weight @ (form.offset + form.offset_data @ d))
         self._value_cuts(cost, lower, upper, rhs)
         row_lower = np.where(self.equality, rhs, -np.inf)
         return Vectors(cost, offset, lower, upper, row_lower, rhs)
 
     def _value_cuts(self, cost: Floats, lower: Floats, upper: Floats, rhs: Floats) -> None:
-        leaves = self.tree.leaves
-        cost[self.future] = self.tree.probability[leaves]
+        at, alpha, beta, share = self._cut_terms
+        cost[self.future] = share
         if not self.cuts:
             return
-        ranges = []
-        for cut in self.cuts:
-            low, high = np.full(len(leaves), cut.alpha), np.full(len(leaves), cut.alpha)
-            for name, beta in cut.beta.items():
-                at = self.columns(name)[:, leaves]
-                least, most = reach(beta, lower[at].T, upper[at].T)
-                low, high = low + least, high + most
-            ranges.append((low, high))
-        lower[self.future] = np.max([low for low, _ in ranges], axis=0)
-        upper[self.future] = np.max([high for _, high in ranges], axis=0)
-        alphas = np.repeat([cut.alpha for cut in self.cuts], len(leaves))
-        rhs[self.n_rows - self.n_cut_rows :] = -alphas
+        low, high = reach(beta[:, None], lower[at], upper[at])
+        lower[self.future] = (alpha[:, None] + low).max(0)
+        upper[self.future] = (alpha[:, None] + high).max(0)
+        rhs[self.n_rows - self.n_cut_rows :] = -np.repeat(alpha, len(share))
+
+    @cached_property
+    def _cut_terms(self) -> tuple[Ints, Floats, Floats, Floats]:
+        """State columns (leaves, states), alpha and beta of all cuts, probability of the leaves."""
+        leaves = self.tree.leaves
+        beta = np.zeros((len(self.cuts), self.n_states))
+        for row, cut in zip(beta, self.cuts, strict=True):
+            for name, slope in cut.beta.items():
+                row[self.initial[name]] = slope
+        at = np.array([self.state_columns(leaf) for leaf in leaves])
+        return at, np.array([cut.alpha for cut in self.cuts]), beta, self.tree.probability[leaves]
 
     def cost_terms(self, z: Floats, data: Values) -> dict[str, Floats]:
         """$ per node of every cost term, not weighted by probability, arrays (nodes,)."""
@@ -279,9 +282,10 @@ class Standard:
 
 def reach(beta: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
     """Least and most of beta @ x over the box, (...,) for beta and bounds (..., n)."""
-    with np.errstate(invalid="ignore"):
-        ends = np.where(beta == 0.0, 0.0, np.stack([beta * lower, beta * upper]))
-    return ends.min(axis=0).sum(axis=-1), ends.max(axis=0).sum(axis=-1)
+    # A bound that beta does not touch counts as zero, because it may be infinite.
+    least = np.where(beta > 0.0, lower, np.where(beta < 0.0, upper, 0.0))
+    most = np.where(beta > 0.0, upper, np.where(beta < 0.0, lower, 0.0))
+    return (beta * least).sum(axis=-1), (beta * most).sum(axis=-1)
 
 
 def _spent(term: CostForm, z: Floats, d: Floats) -> Floats:

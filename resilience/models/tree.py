@@ -42,8 +42,9 @@ class Tree:
         if (self.probability < 0.0).any() or not np.isclose(total, 1.0):
             raise ValueError(f"the leaves of a tree have total probability {total}, not 1")
         child = self.parent >= 0
-        below = np.bincount(self.parent[child], self.probability[child], minlength=self.n)
+        below = np.zeros(self.n)
         below[self.leaves] = self.probability[self.leaves]
+        np.add.at(below, self.parent[child], self.probability[child])
         wrong = np.flatnonzero(~np.isclose(below, self.probability))
         if len(wrong):
             k = wrong[0]

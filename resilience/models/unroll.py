@@ -103,10 +103,10 @@ def _unrolled(
     structure: Structure, matrices: list[sp.csr_array], table: Ints, nodes: Ints, n_columns: int
 ) -> Unrolled:
     def spread(matrix: sp.csr_array) -> sp.csr_array:
-        m = matrix.tocoo()
-        rows = np.arange(len(nodes))[:, None] * m.shape[0] + m.row
-        entries = (np.tile(m.data, len(nodes)), (rows.ravel(), table[:, m.col].ravel()))
-        return sp.csr_array(entries, shape=(len(nodes) * m.shape[0], n_columns))
+        counts = np.tile(np.diff(matrix.indptr), len(nodes))
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        entries = (np.tile(matrix.data, len(nodes)), table[:, matrix.indices].ravel(), starts)
+        return sp.csr_array(entries, shape=(len(nodes) * matrix.shape[0], n_columns))
 
     def repeat(values: Floats) -> Floats:
         return np.tile(values, len(nodes))

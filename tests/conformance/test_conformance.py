@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from tiny import CUTS, TINY, Tiny
+import tiny_cases  # noqa: F401
+from tiny import TINY, Tiny, one_node
+from tiny_linear import CUTS
+from tiny_structures import one_cone
 
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
@@ -16,6 +18,7 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.referee import audit, settle
+from resilience.models.stage import Stage
 from resilience.models.standard import Standard
 
 BACKENDS: dict[str, Callable[[Standard], Any]] = {
@@ -34,25 +37,12 @@ EXACT = {
 }
 CONVEX = frozenset({"affine", "disc", "largest"})
 TOLERANCE = {"pyomo-scip": 2e-6, "nlp": 1e-6}
-HAS_SCIP = importlib.util.find_spec("pyscipopt") is not None
+BUILT = {name: build() for name, build in TINY.items()}
 
 
 def pairs(wanted: Callable[[Tiny, str], bool]) -> Any:
-    return pytest.mark.parametrize(
-        ("name", "backend"),
-        [
-            pytest.param(
-                name,
-                backend,
-                marks=[pytest.mark.skipif(not HAS_SCIP, reason="needs the extra `exact`")]
-                if backend == "pyomo-scip"
-                else [],
-            )
-            for name, build in TINY.items()
-            for backend in BACKENDS
-            if wanted(build(), backend)
-        ],
-    )
+    chosen = [(name, b) for name, tiny in BUILT.items() for b in BACKENDS if wanted(tiny, b)]
+    return pytest.mark.parametrize(("name", "backend"), chosen)
 
 
 def solved(tiny: Tiny, backend: str) -> tuple[Any, Any]:
@@ -82,3 +72,180 @@ def test_what_is_relaxed_gives_the_optimum_of_the_relaxation(name: str, backend:
     assert found.objective == pytest.approx(tiny.relaxed, abs=1e-6)
     assert tiny.relaxed - 1e-6 <= found.bound <= tiny.relaxed + 1e-9
     assert found.bound <= tiny.optimum + 1e-9
+
+
+POLYGONS = {  # optimum of the polygon with 12 sides within, and of the one around
+    # The vertex of either that lies nearest to (3, 4) is at 45 degrees.
+    "disc": (-7.0 * np.sqrt(2.0), -7.0 * np.sqrt(2.0) / np.cos(np.pi / 12)),
+    "disc_below": (-7.0 * np.sqrt(2.0), -7.0 * np.sqrt(2.0) / np.cos(np.pi / 12)),
+    # A side of either is normal to the x axis.
+    "shifted_disc": (1.0 - 2.0 * np.cos(np.pi / 12), -1.0),
+    "shifted_disc_below": (-1.0 - 2.0 * np.cos(np.pi / 12), -3.0),
+}
+
+
+@pytest.mark.parametrize("name", POLYGONS)
+@pytest.mark.parametrize("backend", ["highs", "pyomo-highs"])
+def test_a_polygon_within_a_disc_costs_more_and_one_around_it_less(name: str, backend: str) -> None:
+    tiny, (inner, outer) = TINY[name](), POLYGONS[name]
+    _, found = solved(tiny, backend)
+    assert found.objective == pytest.approx(inner, abs=1e-9)
+    around = Highs(lower(tiny.problem, discs="outer"))
+    around.update(tiny.problem.vectors(tiny.data, tiny.x0))
+    assert around.solve().objective == pytest.approx(outer, abs=1e-9)
+    assert outer <= tiny.optimum + 1e-9
+    assert inner >= tiny.optimum
+
+
+OTHER = {  # the same problems with other data, and what follows from it
+    "data": {"cap": 1.5, "demand": 2.0, "price": 4.0},
+    "fan": {"shortage": 5.0},
+    "chain": {"energy": 0.25},
+}
+
+
+@pytest.mark.parametrize("name", OTHER)
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_new_data_gives_what_a_fresh_build_gives(name: str, backend: str) -> None:
+    first, other = TINY[name](), TINY[name](**OTHER[name])
+    assert other.optimum != pytest.approx(first.optimum)
+    solver, _ = solved(first, backend)
+    for tiny in (other, first, other):
+        solver.update(first.problem.vectors(tiny.data, tiny.x0))
+        found = solver.solve().objective
+        assert found == pytest.approx(tiny.optimum, abs=2e-6)
+        assert found == pytest.approx(solved(tiny, backend)[1].objective, abs=2e-6)
+
+
+@pytest.mark.parametrize("name", ["terminal", "terminal_fan"])
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("built_in", [0, 1], ids=["all later", "one before"])
+def test_cuts_added_later_are_worth_what_cuts_built_in_are(
+    name: str, backend: str, built_in: int
+) -> None:
+    tiny, bare = TINY[name](), TINY[name](cuts=CUTS[:built_in])
+    vectors = bare.problem.vectors(bare.data, bare.x0)
+    solver = BACKENDS[backend](bare.problem)
+    solver.update(vectors)
+    free = solver.solve().objective
+    assert built_in or free < tiny.optimum - 0.5
+    for leaf in bare.problem.tree.leaves:
+        for some in (CUTS[built_in:2], CUTS[2:]):
+            alpha = np.array([cut.alpha for cut in some])
+            solver.add_cuts(leaf, alpha, np.array([cut.beta["store"] for cut in some]))
+    for _ in range(2):
+        assert solver.solve().objective == pytest.approx(tiny.optimum, abs=2e-6)
+        solver.update(vectors)
+
+
+@pytest.mark.parametrize("backend", ["pyomo-highs", "conic", "nlp"])
+def test_a_cut_that_is_not_at_a_leaf_is_refused(backend: str) -> None:
+    solver, _ = solved(TINY["terminal_fan"](cuts=()), backend)
+    with pytest.raises(ValueError, match=r"leaves: \[1, 2\]"):
+        solver.add_cuts(0, np.array([1.0]), np.array([[0.0]]))
+
+
+@pytest.mark.parametrize("backend", ["highs", "conic"])
+def test_the_bound_stays_proven_with_cuts(backend: str) -> None:
+    tiny, bare = TINY["terminal"](), TINY["terminal"](cuts=())
+    solver, _ = solved(bare, backend)
+    for cut in CUTS:
+        solver.add_cuts(0, np.array([cut.alpha]), cut.beta["store"][None])
+    bound = solver.solve().bound
+    assert tiny.optimum - 1e-6 <= bound <= tiny.optimum + 1e-9
+
+
+@pytest.mark.parametrize("name", ["chain", "fan", "terminal", "durations"])
+@pytest.mark.parametrize("backend", ["highs", "conic", "nlp"])
+def test_the_price_of_a_state_is_the_slope_of_the_optimum(name: str, backend: str) -> None:
+    tiny = TINY[name]()
+    (state,) = tiny.x0
+    start, step = tiny.x0[state][0] + 0.1, 0.01  # away from the kinks
+    solver = BACKENDS[backend](tiny.problem)
+    value = {}
+    for x in (start - step, start, start + step):
+        solver.update(tiny.problem.vectors(tiny.data, {state: [x]}))
+        value[x] = solver.solve()
+    slope = (value[start + step].objective - value[start - step].objective) / (2 * step)
+    assert value[start].state_price == pytest.approx([slope], abs=1e-4)
+    assert abs(slope) > 0.05
+
+
+@pairs(lambda tiny, backend: backend in ("highs", "conic") and tiny.needs <= CONVEX)
+def test_the_certified_bound_is_at_most_the_optimum_and_close(name: str, backend: str) -> None:
+    tiny = TINY[name]()
+    solver, found = solved(tiny, backend)
+    proven, optimum = found.bound, tiny.optimum
+    if backend == "highs":
+        proven = solver.certified_bound(found)
+        if "disc" in tiny.needs:
+            optimum = POLYGONS[name][0]
+    assert optimum - 1e-6 <= proven <= optimum + 1e-12
+
+
+def battery() -> tuple[Standard, Any]:
+    """1.5 MWh are to be left of 1 MWh after three hours of rest."""
+    tiny = TINY["chain"]()
+    problem = tiny.problem
+    vectors = problem.vectors(tiny.data, tiny.x0)
+    rest = np.concatenate([problem.columns(word)[0] for word in ("buy", "sell")])
+    end = problem.columns("energy")[0, 2]
+    return problem, vectors.fixed(np.append(rest, end), np.append(np.zeros(6), 1.5))
+
+
+def fixed_row() -> tuple[Standard, Any]:
+    """A column that is fixed at 1 and may not exceed 0.5, beside one that is free."""
+    stage = Stage(1.0)
+    stage.le("limit", stage.var("x", ["a"], 1.0, 1.0), 0.5)
+    stage.cost("y", stage.var("y", ["a"], 0.0, 1.0))
+    problem = one_node(stage)
+    return problem, problem.vectors({}, {})
+
+
+def fixed_cone() -> tuple[Standard, Any]:
+    """0 v = 1^2, with v free."""
+    tiny = one_cone(0.0, 1.0, 1.0, np.inf, np.inf, "out, but loaded")
+    return tiny.problem, tiny.problem.vectors({}, {})
+
+
+RELAX_CONES = ("highs", "pyomo-highs")
+
+
+@pytest.mark.parametrize(
+    ("impossible", "backend"),
+    [
+        pytest.param(build, backend, id=f"{build.__name__}-{backend}")
+        for build in (battery, fixed_row, fixed_cone)
+        for backend in BACKENDS
+        if build is not fixed_cone or backend not in RELAX_CONES
+    ],
+)
+def test_what_cannot_be_is_called_infeasible(
+    impossible: Callable[[], tuple[Standard, Any]], backend: str
+) -> None:
+    problem, vectors = impossible()
+    solver = BACKENDS[backend](problem)
+    solver.update(vectors)
+    found = solver.solve()
+    assert found.z is None
+    assert found.status in (("infeasible", "none") if backend == "nlp" else ("infeasible",))
+
+
+@pytest.mark.parametrize("backend", ["highs", "conic"])
+def test_what_conflicts_has_the_names_of_the_model(backend: str) -> None:
+    problem, vectors = battery()
+    solver = BACKENDS[backend](problem)
+    solver.update(vectors)
+    assert solver.solve().status == "infeasible"
+    named = solver.conflict()
+    assert any(name.startswith("dynamics[a, t") for name in named)
+    assert all("[a, " in name for name in named)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_bounds_that_cross_are_infeasible_for_all(backend: str) -> None:
+    tiny = TINY["data"](cap=-1.0)
+    solver, found = solved(tiny, backend)
+    assert found.status == "infeasible"
+    if hasattr(solver, "conflict"):
+        assert solver.conflict() == ["bounds of x[a, now]"]

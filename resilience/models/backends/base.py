@@ -85,8 +85,10 @@ class LeafCuts:
 
     def add(self, node: int, alpha: Floats, beta: Floats) -> tuple[Ints, Floats]:
         """Notes cuts as `Backend.add_cuts` takes them; returns their `leaf_rows`."""
-        problem = self.problem
-        future = int(problem.future[np.searchsorted(problem.tree.leaves, node)])
+        problem, leaves = self.problem, self.problem.tree.leaves
+        if node not in leaves:
+            raise ValueError(f"node {node} has children; cuts belong to leaves: {leaves.tolist()}")
+        future = int(problem.future[np.searchsorted(leaves, node)])
         states = problem.state_columns(node)
         self.cuts.append((future, states, np.asarray(alpha, float), np.asarray(beta, float)))
         return leaf_rows(states, future, beta)

@@ -12,11 +12,12 @@ from resilience.models.referee import row_violations, structure_violations
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-8
+COMPLEMENTARITY = 1e-7  # with Ipopt's own 1e-4 a warm start may stop 4e-5 above the optimum
 FIXED = 1e-6  # scaled violation from which columns that are fixed contradict each other
 Bools = np.ndarray
 WARM = {
     "warm_start_init_point": "yes",
-    "mu_init": 1e-5,
+    "mu_init": 1e-9,  # where the SOCP solver stopped; 1e-5 leaves its point, for 200 iterations
     "bound_push": 1e-6,
     "bound_frac": 1e-6,
 }
@@ -87,7 +88,7 @@ class NLP:
         if not solver.stats()["success"]:
             return NOTHING
         point[free] = np.clip(np.asarray(answer["x"]).ravel(), v.lower[free], v.upper[free])
-        price = np.asarray(answer["lam_p"]).ravel()
+        price = -np.asarray(answer["lam_p"]).ravel()
         value = float(v.cost @ point + v.offset)
         return Solution("optimal", point, value, -np.inf, state_price=price)
 
@@ -97,6 +98,7 @@ class NLP:
             "sb": "yes",
             "tol": TOLERANCE,
             "constr_viol_tol": TOLERANCE,
+            "compl_inf_tol": COMPLEMENTARITY,
             "bound_relax_factor": 0.0,
             "max_iter": 500,
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,8 +89,10 @@ class Conic:
                 program.solve(solver=cp.CLARABEL)
             except cp.error.SolverError:
                 return NOTHING
-        if program.status in ("infeasible", "infeasible_inaccurate"):
+        if program.status == "infeasible":
             return INFEASIBLE
+        if program.status == "infeasible_inaccurate":
+            return replace(INFEASIBLE, bound=-np.inf)  # believed, not proven
         if x.value is None:
             return NOTHING
         z = held.copy()

@@ -20,12 +20,13 @@ ROWWISE = int(highspy.MatrixFormat.kRowwise)
 MINIMIZE = int(highspy.ObjSense.kMinimize)
 STATUS = highspy.HighsModelStatus
 
-# Measured on re-solves from a basis: 8 slots of ieee33 take half as long, 96 slots a third less.
-# Scaling and perturbed costs pay in a solve from scratch only, and few pivots need cheap weights.
+# Measured by `python -m bench`: coefficients in pu and MW need no scaling, few pivots no steepest
+# edges. From a basis, perturbed costs and a stale factorisation cost more pivots than they save;
+# from scratch the perturbation is what keeps a large LP from stalling.
+LINEAR = {"simplex_scale_strategy": 0, "simplex_dual_edge_weight_strategy": 1}
 WARM = {
-    "simplex_scale_strategy": 0,
-    "simplex_dual_edge_weight_strategy": 1,
     "dual_simplex_cost_perturbation_multiplier": 0.0,
+    "no_unnecessary_rebuild_refactor": False,
 }
 
 
@@ -62,7 +63,12 @@ class Highs:
         self.is_mip = bool(self.lowered.integer.any())
         self.model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
         self.model.silent()
-        for name, value in {"mip_rel_gap": gap, "threads": threads}.items():
+        self._set({"mip_rel_gap": gap, "threads": threads})
+        if not self.is_mip:
+            self._set(LINEAR)
+
+    def _set(self, options: dict[str, Any]) -> None:
+        for name, value in options.items():
             self.model.setOptionValue(name, value)
 
     def _matrix(self) -> sp.csr_array:
@@ -80,7 +86,6 @@ class Highs:
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the basis of the last solve is kept."""
-        self._vectors = vectors
         if self._sent is None:
             self._pass(self.lowered.vectors(vectors))
         else:
@@ -123,8 +128,7 @@ class Highs:
         """Sends what differs; what `lower` added never does."""
         model = self.model
         if not self.is_mip:
-            for name, value in WARM.items():
-                model.setOptionValue(name, value)
+            self._set(WARM)
         at = _differ(new.lower, old.lower, new.upper, old.upper)
         at = at[~np.isin(at, self._free)] if self._free else at
         if len(at):
@@ -147,9 +151,7 @@ class Highs:
         """Adds rows; the basis is kept. The leaf's future cost is set free when it has a cut."""
         leaf = int(np.searchsorted(self.problem.tree.leaves, node))
         future = int(self.problem.future[leaf])
-        names = [b.name for _, b in self.problem.forms[0].stage.states]
-        states = np.concatenate([self.problem.columns(name)[:, node] for name in names])
-        columns, values = leaf_rows(states, future, beta)
+        columns, values = leaf_rows(self.problem.state_columns(node), future, beta)
         for rhs, row in zip(-alpha, values, strict=True):
             self.model.addRow(-np.inf, rhs, len(columns), columns.astype(np.int32), row)
         self._free.append(future)
@@ -169,7 +171,7 @@ class Highs:
         if status in (STATUS.kInfeasible, STATUS.kUnboundedOrInfeasible):
             return Solution("infeasible", None, np.inf, np.inf)
         if info.primal_solution_status != 2:
-            return NOTHING
+            return replace(NOTHING, bound=info.mip_dual_bound if self.is_mip else -np.inf)
         found = self.model.getSolution()
         z = np.asarray(found.col_value)[: self.problem.n_columns]
         done = status == STATUS.kOptimal
@@ -189,9 +191,9 @@ class Highs:
 
     def certified_bound(self, solution: Solution) -> float:
         """A bound that holds whatever the solver's tolerances, from its multipliers."""
-        if solution.duals is None or self._free:
+        if solution.duals is None or self._free or self._sent is None:
             return solution.bound
-        v = self.lowered.vectors(self._vectors)
+        v = self.lowered.vectors(self._sent)
         low, high = self._sides(v)
         return safe_bound(self._matrix(), v, low, high, solution.duals.rows)
 

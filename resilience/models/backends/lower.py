@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from resilience.models.algebra import Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
-SIDES = 12
+SIDES = 12  # even: opposite sides share a row
 Discs = Literal["inner", "outer"]
 Bools = np.ndarray
 
@@ -42,16 +42,17 @@ class Lowered:
     def vectors(self, vectors: Vectors) -> Vectors:
         """The problem's vectors with those of the added rows and columns behind them."""
         extra = self.a.shape[1] - len(vectors.cost)
-        rhs = self.rhs.copy()
-        if self.discs == "inner":
-            rhs[self.disc_rows] *= np.cos(np.pi / SIDES)
-        rhs[self.disc_rows] -= self.disc_shift
+        rhs, low = self.rhs.copy(), np.where(self.equality, self.rhs, -np.inf)
+        within = np.cos(np.pi / SIDES) if self.discs == "inner" else 1.0
+        reach = self.rhs[self.disc_rows] * within
+        low[self.disc_rows] = -reach - self.disc_shift
+        rhs[self.disc_rows] = reach - self.disc_shift
         return Vectors(
             np.append(vectors.cost, np.zeros(extra)),
             vectors.offset,
             np.append(vectors.lower, np.zeros(extra)),
             np.append(vectors.upper, np.ones(extra)),
-            np.append(vectors.row_lower, np.where(self.equality, rhs, -np.inf)),
+            np.append(vectors.row_lower, low),
             np.append(vectors.row_upper, rhs),
         )
 
@@ -150,16 +151,15 @@ def _neighbours(rows: _Rows, adjacent: Unrolled, chosen: Ints) -> None:
 
 
 def _polygon(rows: _Rows, disc: Unrolled) -> tuple[Ints, Floats]:
-    """Rows  normal . x <= radius, and how much of that each argument's constant already is."""
+    """Rows  |normal . x| <= radius, each for two opposite sides, and the constants' share in x."""
     if len(disc.matrices) != 2:
         raise ValueError(f"{disc.name!r} has {len(disc.matrices)} arguments; a polygon needs two")
     (first, second), (c1, c2) = disc.matrices, disc.consts
-    found, shifts = [], []
-    for angle in 2 * np.pi * np.arange(SIDES) / SIDES:
-        normal = np.cos(angle), np.sin(angle)
-        found.append(rows.add(first * normal[0] + second * normal[1], disc.limits[0]))
-        shifts.append(c1 * normal[0] + c2 * normal[1])
-    return np.concatenate(found), np.concatenate(shifts)
+    angle = 2 * np.pi * np.arange(SIDES // 2) / SIDES
+    normal = np.round((np.cos(angle), np.sin(angle)), 15)[:, :, None]  # no coefficients of 6e-17
+    block = sp.kron(normal[0], first, format="csr") + sp.kron(normal[1], second, format="csr")
+    shift = normal[0] * c1 + normal[1] * c2
+    return rows.add(block, np.tile(disc.limits[0], len(angle))), shift.ravel()
 
 
 def tangents(problem: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:

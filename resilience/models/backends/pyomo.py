@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from resilience.errors import UsageError
 from resilience.models.algebra import Floats
-from resilience.models.backends.base import NOTHING, Solution, leaf_rows
-from resilience.models.backends.lower import lower
+from resilience.models.backends.base import NOTHING, LeafCuts, Solution
+from resilience.models.backends.lower import Lowered, lower
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 Cones = Literal["equal", "relaxed"]
@@ -24,7 +24,7 @@ class Pyomo:
     Variables are called after the model, `ess_charge[ess2,14:30]`, and so are constraints.
 
     Args:
-        problem: the problem.
+        problem: the problem, or one already lowered with a choice of what is relaxed.
         solver: 'highs' (persistent) or 'scip'.
         cones: 'relaxed' holds u v >= sum(x^2) only, which is convex.
         time_limit: seconds per solve.
@@ -35,39 +35,46 @@ class Pyomo:
 
     def __init__(
         self,
-        problem: Standard,
+        problem: Standard | Lowered,
         *,
         solver: Literal["highs", "scip"] = "highs",
         cones: Cones = "equal",
         time_limit: float = np.inf,
         gap: float = 1e-6,
     ) -> None:
-        self.problem, self.solver, self.cones = problem, solver, cones
+        self.lowered = problem if isinstance(problem, Lowered) else lower(problem)
+        self.problem, self.solver, self.cones = self.lowered.problem, solver, cones
         self.time_limit, self.gap = time_limit, gap
-        if solver == "highs" and any(s.kind == "cone" for s in problem.structures):
+        if solver == "highs" and any(s.kind == "cone" for s in self.problem.structures):
             raise UsageError(
                 "pyomo with HiGHS cannot hold the cones of distflow; allowed: lindistflow, "
                 "copperplate",
                 hint="use solver='scip'",
             )
-        self.lowered = lower(problem)
+        self.late = LeafCuts(self.problem)
         self.model: Any = None
+        self._sent: Vectors | None = None
         self._persistent: Any = None
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the model is built at the first call."""
-        v = self.lowered.vectors(vectors)
-        self.vectors = vectors
-        if self.model is None:
+        self.vectors = self.late.opened(vectors)
+        v = self.lowered.vectors(self.vectors)
+        old = self._sent
+        if old is None:
             self._build(v)
-        for i, var in enumerate(self._vars):
-            var.setlb(v.lower[i] if np.isfinite(v.lower[i]) else None)
-            var.setub(v.upper[i] if np.isfinite(v.upper[i]) else None)
-        for j, i in enumerate(self._kept):
-            self.model.rhs[j] = v.row_upper[i]
-        for i in self._priced:
-            self.model.price[i] = v.cost[i]
+        for i in _differ(old, v, "lower", "upper"):
+            low, high = v.lower[i], v.upper[i]
+            self._vars[i].setlb(low if low > -np.inf else None)
+            self._vars[i].setub(high if high < np.inf else None)
+        rhs, price = self.model.rhs, self.model.price
+        for i in _differ(old, v, "row_upper"):
+            if i in self._kept:
+                rhs[self._kept[i]] = v.row_upper[i]
+        for i in self._priced if old is None else _differ(old, v, "cost"):
+            price[i] = v.cost[i]
         self.model.offset = v.offset
+        self._sent = v
 
     def _build(self, v: Vectors) -> None:
         import pyomo.environ as pyo
@@ -76,9 +83,10 @@ class Pyomo:
         self._vars = self._columns(pyo)
         quadratic = self.solver == "scip"
         drop = set(len(self.problem.a.indptr) - 1 + self.lowered.disc_rows) if quadratic else set()
-        self._kept = [i for i in range(self.lowered.a.shape[0]) if i not in drop]
+        rows = [i for i in range(self.lowered.a.shape[0]) if i not in drop]
+        self._kept = {i: j for j, i in enumerate(rows)}
         model.rhs = pyo.Param(range(len(self._kept)), mutable=True, initialize=0.0)
-        self._constraints(pyo)
+        self._constraints(pyo, v)
         self._priced = self._price_able(v)
         model.price = pyo.Param(self._priced, mutable=True, initialize=0.0)
         model.offset = pyo.Param(mutable=True, initialize=0.0)
@@ -108,7 +116,10 @@ class Pyomo:
             found[j] = model.future[k]
         for name in problem.names:
             index = problem.columns(name)
-            domain = pyo.Binary if problem.integer[index[0, 0]] else pyo.Reals
+            domain = pyo.Reals
+            if problem.integer[index].any():
+                binary = problem.forms[0].block(name).kind == "binary"
+                domain = pyo.Binary if binary else pyo.Integers
             var = pyo.Var(list(problem.labels(name)), slots, domain=domain)
             model.add_component(_plain(name), var)
             for label, row in zip(problem.labels(name), index, strict=True):
@@ -120,22 +131,25 @@ class Pyomo:
             found[j] = model.mode[j]
         return found
 
-    def _constraints(self, pyo: Any) -> None:
+    def _constraints(self, pyo: Any, v: Vectors) -> None:
         from pyomo.core.expr import LinearExpression
 
         a, model = self.lowered.a.tocsr(), self.model
         equality = np.concatenate([self.problem.equality, self.lowered.equality])
+        ranged = set((self.problem.n_rows + self.lowered.disc_rows).tolist())
         blocks: dict[str, dict[str, Any]] = {}
-        for j, i in enumerate(self._kept):
+        for i, j in self._kept.items():
             at = slice(a.indptr[i], a.indptr[i + 1])
             body = LinearExpression(
                 linear_coefs=a.data[at].tolist(), linear_vars=[self._vars[k] for k in a.indices[at]]
             )
             rhs = model.rhs[j]
             name, _, index = self._row_name(i).partition("[")
-            blocks.setdefault(name, {})[index.rstrip("]")] = (
-                body == rhs if equality[i] else body <= rhs
-            )
+            if i in ranged:
+                row = pyo.inequality(v.row_lower[i], body, rhs)
+            else:
+                row = body == rhs if equality[i] else body <= rhs
+            blocks.setdefault(name, {})[index.rstrip("]")] = row
         for name, bodies in blocks.items():
             rows = pyo.Constraint(list(bodies), rule=lambda _, k, b=bodies: b[k])
             model.add_component("row_" + _plain(name), rows)
@@ -173,17 +187,14 @@ class Pyomo:
         """See `Backend.add_cuts`."""
         import pyomo.environ as pyo
 
-        future = int(self.problem.future[np.searchsorted(self.problem.tree.leaves, node)])
-        names = [b.name for _, b in self.problem.forms[0].stage.states]
-        states = np.concatenate([self.problem.columns(name)[:, node] for name in names])
-        columns, values = leaf_rows(states, future, beta)
+        columns, values = self.late.add(node, alpha, beta)
         if not hasattr(self.model, "cuts"):
             self.model.cuts = pyo.ConstraintList()
-        self._vars[future].setlb(None)
-        self._vars[future].setub(None)
-        for rhs, row in zip(-alpha, values, strict=True):
-            terms = zip(row, columns, strict=True)
+        for rhs, row in zip(-np.asarray(alpha), values, strict=True):
+            terms = zip(row.tolist(), columns, strict=True)
             self.model.cuts.add(sum(w * self._vars[j] for w, j in terms) <= rhs)
+        self._watch(True)
+        self.update(self.vectors)
 
     def write(self, path: Path) -> None:
         """Writes the model; the suffix chooses LP, MPS or NL.
@@ -210,6 +221,7 @@ class Pyomo:
         solver.config.mip_gap = self.gap
         solver.config.time_limit = None if np.isinf(self.time_limit) else self.time_limit
         answer = solver.solve(self.model)
+        self._watch(False)
         ended = answer.termination_condition
         if ended in (End.infeasible, End.infeasibleOrUnbounded):
             return Solution("infeasible", None, np.inf, np.inf)
@@ -217,6 +229,20 @@ class Pyomo:
             return NOTHING
         answer.solution_loader.load_vars()
         return self._read(ended == End.optimal, answer.best_objective_bound)
+
+    def _watch(self, changes: bool) -> None:
+        """Whether the persistent solver looks for more than new bounds and parameters."""
+        if self._persistent is None:
+            return
+        config = self._persistent.update_config
+        config.check_for_new_or_removed_constraints = changes
+        config.check_for_new_or_removed_vars = changes
+        config.check_for_new_or_removed_params = changes
+        config.check_for_new_objective = changes
+        config.update_constraints = changes
+        config.update_named_expressions = changes
+        config.update_objective = changes
+        config.treat_fixed_vars_as_params = changes
 
     def _scip(self) -> Solution:
         from pyomo.contrib.solver.common.factory import SolverFactory
@@ -259,3 +285,13 @@ def check_format(path: Path) -> None:
             f"cannot export to {path.name!r}; allowed suffixes: {', '.join(FORMATS)}",
             hint="LP is the readable one",
         )
+
+
+def _differ(old: Vectors | None, new: Vectors, *names: str) -> list[int]:
+    """Where some of the arrays `names` of two vectors differ; everywhere without old ones."""
+    arrays = [getattr(new, name) for name in names]
+    apart = np.full(len(arrays[0]), old is None)
+    if old is not None:
+        for name, array in zip(names, arrays, strict=True):
+            apart |= array != getattr(old, name)
+    return list(np.flatnonzero(apart).tolist())

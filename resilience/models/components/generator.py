@@ -9,14 +9,16 @@ $$ C = \Delta t \left(c\, p + c^0 u\right) + c^\text{start} y, \qquad
 Ramps scale with the step; a start may reach the minimum power, a stop may leave from it:
 
 $$ p - p^- \le R^\uparrow \Delta t + \underline{P} y, \qquad
-p^- - p \le R^\downarrow \Delta t + \max(\underline{P}, R^\downarrow \Delta t)\, w $$
+p^- - p \le R^\downarrow \Delta t + \underline{P} w $$
 
 Minimum up and down times are hours still to wait, a state:
 
 $$ r' = \max\{r - \Delta t,\ (T^\uparrow - \Delta t)\, y,\ 0\}, \qquad r \le T^\uparrow u $$
 
 and alike for standing still with $w$ and $1 - u$. A unit in a dead island stands still, whatever
-it was doing. Without minimum power, no-load cost, start cost and minimum times there is no binary.
+it was doing, and what is left of its minimum up time lapses: $r - \Delta t - T^\uparrow (1 - u)$
+stands in place of $r - \Delta t$. Without minimum power, no-load cost, start cost and minimum
+times there is no binary.
 
 | symbol | name | unit |
 |---|---|---|
@@ -151,10 +153,15 @@ class Generators:
             name, [self.names[i] for i in units], 0.0, hours, unit="h",
             about=f"hours still to stay {'on' if way == 'up' else 'off'}",
         )  # fmt: skip
-        waived = (1.0 - alive[at]) * hours if way == "up" else Affine.constant(0.0, len(units))
+        zero = Affine.constant(0.0, len(units))
+        waived = lapsed = zero
+        if way == "up":
+            follows = np.array([not self.tables[i].grid_forming for i in units], float)
+            waived = (1.0 - alive[at]) * hours
+            lapsed = (1.0 - while_[at]) * (hours * follows)
         stage.le(f"generator.min_{way}", now, while_[at] * hours + waived)
         pace = begin[at] * np.maximum(hours - stage.dt, 0.0)
-        stage.largest(name, after, now - stage.dt, pace, Affine.constant(0.0, len(units)))
+        stage.largest(name, after, now - lapsed - stage.dt, pace, zero)
 
     def _timed(self, way: str) -> Ints:
         return self._where(f"min_{way}_h")
@@ -176,9 +183,7 @@ class Generators:
         lost = stage.data("generator.lost", of, unit="MW", about="power lost to a dead island")
         start, stop = self._starts(stage, units)
         stage.le("generator.ramp_up", p[units] - before, start * low + up)
-        stage.le(
-            "generator.ramp_down", before - p[units], stop * np.maximum(low, down) + down + lost
-        )
+        stage.le("generator.ramp_down", before - p[units], stop * low + down + lost)
 
     def _starts(self, stage: Stage, units: Ints) -> tuple[Affine, Affine]:
         if not len(self.committed):

@@ -40,6 +40,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 Bools = np.ndarray
+LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cones
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ class Lines:
         if not self.losses:
             stage.eq("line.voltage", _labelled(drop, self.names))
             return p, q
-        most = 2.0 * self.flow_max**2 / self.v_band[0] ** 2
+        most = np.minimum(2.0 * self.flow_max**2, self.rating**2) / self.v_band[0] ** 2
         limit = stage["line.up"] * most
         current = stage.var(
             "line.l", self.names, 0.0, limit, unit="pu", about="squared current (1 MVA)"
@@ -139,7 +140,7 @@ class Lines:
         impedance = self.r**2 + self.x**2
         stage.eq("line.voltage", _labelled(drop - current * impedance, self.names))
         stage.cone("line.flow", current, _labelled(v_i, self.names), p, q)
-        stage.penalty(current * self.r)
+        stage.penalty(current * np.where(self.r > 0, self.r, LOSSLESS))
         return p - current * self.r, q - current * self.x
 
     def _gap(self, stage: Stage, closed: Affine | None) -> Affine:

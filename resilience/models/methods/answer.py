@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from resilience.errors import InfeasibleError, SolverError
 from resilience.models.algebra import Floats, Ints
-from resilience.models.backends.base import Status
+from resilience.models.backends.base import Solution, Status
+from resilience.models.problem import Problem
 from resilience.models.referee import structure_violations
-from resilience.models.standard import Standard
+from resilience.models.standard import Standard, Vectors
 
 CLOSED = 1e-6  # scaled violation below which a relaxed structure counts as holding
+LATE = "the time limit ended the search; this is the best plan found"
 Bools = np.ndarray
 
 
@@ -47,18 +48,41 @@ class Answer:
     relaxed: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    @classmethod
+    def of(cls, problem: Problem, found: Solution, bound: float, notes: list[str]) -> Answer:
+        """The answer that is the point of `found`, tested for what it leaves relaxed.
+
+        A bound that solver tolerances put a hair above the objective is lowered to it.
+        """
+        if bound - found.objective <= CLOSED * (1.0 + abs(found.objective)):
+            bound = min(bound, found.objective)
+        return cls(
+            status=found.status,
+            z=found.point,
+            objective=found.objective,
+            bound=bound,
+            bound_of=problem.grid.physics,
+            relaxed=remains(problem.standard, found.point),
+            notes=notes,
+        )
+
 
 @dataclass
 class Clock:
-    """Seconds left, and seconds spent per phase."""
+    """How much of a time limit, in seconds, is spent and left."""
 
     limit: float
     began: float = field(default_factory=time.perf_counter)
 
     @property
+    def spent(self) -> float:
+        """Seconds since the clock was set."""
+        return time.perf_counter() - self.began
+
+    @property
     def left(self) -> float:
         """Seconds left, never negative."""
-        return max(self.limit - (time.perf_counter() - self.began), 0.0)
+        return max(self.limit - self.spent, 0.0)
 
 
 def violated(problem: Standard, z: Floats) -> dict[int, Bools]:
@@ -72,9 +96,15 @@ def violated(problem: Standard, z: Floats) -> dict[int, Bools]:
     return found
 
 
-def open_cones(problem: Standard, z: Floats) -> dict[str, Floats]:
-    """For each cone, how far open its elements (n,) are, scaled."""
-    return {s.name: structure_violations(s, z) for s in problem.structures if s.kind == "cone"}
+def gaps(problem: Standard, z: Floats, kind: str) -> dict[str, Floats]:
+    """For each structure of a kind, by how much its elements (n,) fail to hold, scaled."""
+    return {s.name: structure_violations(s, z) for s in problem.structures if s.kind == kind}
+
+
+def widest(problem: Standard, z: Floats, kind: str = "cone") -> float:
+    """The largest of all `gaps`; 0 without structures of that kind."""
+    found = gaps(problem, z, kind).values()
+    return max((float(gap.max(initial=0.0)) for gap in found), default=0.0)
 
 
 def fractional(problem: Standard, z: Floats) -> Bools:
@@ -89,50 +119,44 @@ def remains(problem: Standard, z: Floats) -> list[str]:
     for k, broken in violated(problem, z).items():
         s = problem.structures[k]
         found.append(f"{s.name}: {broken.sum()} of {s.n} mode elements are in two modes at once")
-    for name, gaps in open_cones(problem, z).items():
-        wide = gaps > CLOSED
-        if wide.any():
-            found.append(
-                f"{name}: {wide.sum()} of {len(gaps)} cones open, the widest by {gaps.max():.2g}"
-            )
+    for kind, how in (("cone", "cones open"), ("disc", "ratings exceeded")):
+        for name, wide in gaps(problem, z, kind).items():
+            count = (wide > CLOSED).sum()
+            if count:
+                found.append(f"{name}: {count} of {len(wide)} {how}, by {wide.max():.2g} at most")
     loose = fractional(problem, z)
     if loose.any():
         found.append(f"integrality: {loose.sum()} of {problem.integer.sum()} integers fractional")
     return found
 
 
-def sides(problem: Standard, z: Floats, broken: dict[int, Bools]) -> tuple[Ints, Floats]:
-    """Columns to fix at zero so that every broken split keeps to its larger side."""
-    columns = []
-    for k, elements in broken.items():
-        structure = problem.structures[k]
-        if structure.kind == "split":
-            pos, neg = structure.columns[:, elements]
-            columns.append(np.where(z[pos] >= z[neg], neg, pos))
-    joined = np.concatenate(columns) if columns else np.empty(0, np.intp)
+def rounded(problem: Problem, z: Floats) -> Vectors:
+    """Vectors in which every integer column is held at its value in z."""
+    at = np.flatnonzero(problem.standard.integer)
+    return problem.vectors.fixed(at, np.round(z[at]))
+
+
+def sides(problem: Standard, z: Floats, elements: dict[int, Bools]) -> tuple[Ints, Floats]:
+    """Columns to hold at zero so that these elements keep to the mode in which z nearly is.
+
+    Of a split that is its larger side, of a curve the two neighbours of greatest weight.
+    """
+    columns = [np.empty(0, np.intp)]
+    for k, chosen in elements.items():
+        at = problem.structures[k].columns[:, chosen]
+        weights = z[at]
+        if problem.structures[k].kind == "split":
+            columns.append(np.where(weights[0] >= weights[1], at[1], at[0]))
+        else:
+            first = np.argmax(weights[:-1] + weights[1:], axis=0)
+            place = np.arange(len(at))[:, None]
+            columns.append(at[(place < first) | (place > first + 1)])
+    joined = np.concatenate(columns)
     return joined, np.zeros(len(joined))
 
 
-def infeasible(names: list[str], what: str) -> InfeasibleError:
-    """The error that names what is in conflict."""
-    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-    if not names:
-        shown = "no small set of rows could be named"
-    return InfeasibleError(
-        f"no plan satisfies {what}; in conflict: {shown}",
-        hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
-    )
-
-
-def nothing_found(what: str, limit: float) -> SolverError:
-    """The error when time ran out without any plan."""
-    return SolverError(
-        f"{what} found no plan within {limit:g} s", hint="raise --time-limit or use --method lp"
-    )
-
-
 def gap(objective: float, bound: float) -> float:
-    """(objective - bound) / |objective|, never negative; inf without a bound."""
-    if not np.isfinite(bound):
+    """(objective - bound) / max(|objective|, 0.001 $), never negative; inf without a bound."""
+    if not np.isfinite(bound) or not np.isfinite(objective):
         return np.inf
-    return float(max(objective - bound, 0.0) / max(abs(objective), 1e-9))
+    return float(max(objective - bound, 0.0) / max(abs(objective), 1e-3))

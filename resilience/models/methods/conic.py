@@ -2,130 +2,120 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from resilience.models.algebra import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
-from resilience.models.backends.highs import Highs
-from resilience.models.backends.lower import lower
 from resilience.models.methods.answer import (
     CLOSED,
     Answer,
     Clock,
     Options,
-    infeasible,
-    nothing_found,
-    open_cones,
-    remains,
     sides,
     violated,
+    widest,
 )
+from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
 from resilience.progress import phase
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
+LEAST = 5.0  # s that Ipopt gets even when time is up: a plan is worth more than punctuality
 
 
-def relaxation(problem: Problem, vectors: Vectors | None = None) -> Solution:
-    """The SOCP with its proven bound.
+def root(problem: Problem, options: Options) -> Solution:
+    """The SOCP with modes and integers relaxed, and its proven bound.
 
     Raises:
         InfeasibleError: naming what is in conflict.
+        SolverError: Clarabel gave up.
     """
-    solver = Conic(problem.standard)
-    solver.update(vectors or problem.vectors)
-    found = solver.solve()
-    if found.status == "infeasible" and vectors is None:
-        raise infeasible(_conflict(problem, solver), f"the {problem.grid.physics} model")
+    with phase("conic relaxation"):
+        found = relaxation(problem, problem.vectors)
+    if found.status == "infeasible":
+        raise infeasible(problem)
+    if found.z is None:
+        raise no_plan(problem, "the conic relaxation", options)
     return found
 
 
-def _conflict(problem: Problem, solver: Conic) -> list[str]:
-    linear = Highs(lower(problem.standard, integer=np.zeros(len(solver.vectors.cost), bool)))
-    linear.update(solver.vectors)
-    if linear.solve().status == "infeasible":
-        return linear.conflict()
-    return solver.conflict()
+def relaxation(problem: Problem, vectors: Vectors, penalty: float = 0.0) -> Solution:
+    """The SOCP for these vectors; a price on losses closes cones but voids the bound."""
+    solver = Conic(problem.standard, penalty=penalty)
+    solver.update(vectors)
+    return solver.solve()
 
 
-def closed(problem: Problem, found: Solution, vectors: Vectors | None = None) -> Solution:
+def closed(problem: Problem, found: Solution, vectors: Vectors) -> Solution:
     """The relaxation's point if its cones are closed, else one with a slight price on losses.
 
     Where even that leaves cones open, the point with the narrowest is returned.
     """
-    best, width = found, _width(problem, found)
+    best, width = found, widest(problem.standard, found.point)
     for penalty in PENALTIES:
         if width <= CLOSED:
             break
         with phase("conic program", f"losses priced at {penalty:g} $/MW"):
-            solver = Conic(problem.standard, penalty=penalty)
-            solver.update(vectors or problem.vectors)
-            trial = solver.solve()
-        if trial.z is not None and _width(problem, trial) < width:
-            best, width = trial, _width(problem, trial)
+            trial = relaxation(problem, vectors, penalty)
+        if trial.z is not None and widest(problem.standard, trial.z) < width:
+            best, width = trial, widest(problem.standard, trial.z)
     return best
 
 
-def _width(problem: Problem, found: Solution) -> float:
-    gaps = open_cones(problem.standard, found.point).values()
-    return max((float(g.max(initial=0.0)) for g in gaps), default=0.0)
-
-
-def ac_point(problem: Problem, start: Floats, vectors: Vectors, time_limit: float) -> Solution:
+def ac_point(problem: Problem, start: Floats, vectors: Vectors, seconds: float) -> Solution:
     """The AC equations solved from `start`; a cold penalised start is tried where that fails."""
+    clock = Clock(seconds)
     for penalty in (0.0, PENALTIES[0]):
-        solver = NLP(problem.standard, time_limit=time_limit, penalty=penalty)
+        solver = NLP(problem.standard, time_limit=max(clock.left, LEAST), penalty=penalty)
         solver.update(vectors)
         if not penalty:
             solver.start_from(start)
-        found = solver.solve()
+        with phase("AC equations", "Ipopt"):
+            found = solver.solve()
         if found.z is not None:
             return found
     return NOTHING
 
 
 def in_one_mode(problem: Problem, found: Solution, vectors: Vectors) -> Vectors:
-    """Vectors in which every split that `found` breaks is held to its larger side."""
+    """Vectors in which every mode that `found` breaks is held to the one nearest to it."""
     broken = violated(problem.standard, found.point)
     return vectors.fixed(*sides(problem.standard, found.point, broken)) if broken else vectors
 
 
+def completed(problem: Problem, found: Solution, vectors: Vectors, seconds: float) -> Solution:
+    """From a point of the relaxation to one that holds every mode and cone, or nothing.
+
+    Integers are as `vectors` hold them. `seconds` limit the AC equations, if they are needed.
+    """
+    standard = problem.standard
+    point = closed(problem, found, vectors)
+    one_mode = in_one_mode(problem, point, vectors)
+    if one_mode is not vectors:
+        point = relaxation(problem, one_mode)
+        if point.z is None:
+            return NOTHING
+        point = closed(problem, point, one_mode)
+    if widest(standard, point.point) > CLOSED:
+        point = ac_point(problem, point.point, one_mode, seconds)
+    return NOTHING if point.z is None or violated(standard, point.z) else point
+
+
 def socp(problem: Problem, options: Options) -> Answer:
     """Cones as u v >= sum(x^2), modes and integers relaxed: a bound, and often a plan."""
-    with phase("conic relaxation"):
-        found = relaxation(problem)
-    if found.z is None:
-        raise nothing_found("the conic relaxation", options.time_limit)
-    best = closed(problem, found)
-    return _answer(problem, best, found.bound)
+    found = root(problem, options)
+    best = closed(problem, found, problem.vectors)
+    return Answer.of(problem, best, found.bound, [])
 
 
 def nlp(problem: Problem, options: Options) -> Answer:
     """The AC equations exactly, integers relaxed; broken modes are held to their larger side."""
     clock = Clock(options.time_limit)
-    with phase("conic relaxation"):
-        found = relaxation(problem)
-    if found.z is None:
-        raise nothing_found("the conic relaxation", options.time_limit)
-    start = closed(problem, found)
+    found = root(problem, options)
+    start = closed(problem, found, problem.vectors)
     vectors = in_one_mode(problem, start, problem.vectors)
-    with phase("AC equations", "Ipopt"):
-        polished = ac_point(problem, start.point, vectors, clock.left)
+    polished = ac_point(problem, start.point, vectors, clock.left)
     if polished.z is None:
-        raise nothing_found("Ipopt", options.time_limit)
-    return _answer(problem, polished, found.bound)
-
-
-def _answer(problem: Problem, found: Solution, bound: float) -> Answer:
-    relaxed = remains(problem.standard, found.point)
-    return Answer(
-        status="optimal" if found.status == "optimal" else "feasible",
-        z=found.point,
-        objective=found.objective,
-        bound=bound,
-        bound_of=problem.grid.physics,
-        relaxed=relaxed,
-    )
+        raise no_plan(problem, "Ipopt", options)
+    return Answer.of(problem, polished, found.bound, [])

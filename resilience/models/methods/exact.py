@@ -3,68 +3,128 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from resilience.errors import UsageError
-from resilience.models.backends.base import Solution
-from resilience.models.backends.pyomo import Cones, Pyomo
+from resilience.models.backends.base import NOTHING, Solution, Status
+from resilience.models.backends.lower import lower
+from resilience.models.backends.pyomo import Pyomo
 from resilience.models.methods.answer import (
     CLOSED,
+    LATE,
     Answer,
+    Bools,
     Clock,
     Options,
-    infeasible,
-    nothing_found,
-    remains,
+    gap,
+    rounded,
+    sides,
+    violated,
+    widest,
 )
-from resilience.models.methods.conic import _width
+from resilience.models.methods.conic import completed, relaxation
+from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.problem import Problem
 from resilience.progress import phase
 
+PROOF = 1e-5  # relative gap that counts as proven; SCIP's own tolerances are not far below
+
+
+@dataclass
+class Search:
+    """What is known so far; `modes` are the elements of splits and curves that have binaries."""
+
+    problem: Problem
+    clock: Clock
+    modes: dict[int, Bools] = field(default_factory=dict)
+    bound: float = -np.inf
+    best: Solution = NOTHING
+
+    @property
+    def done(self) -> bool:
+        """Whether the best plan is proven, or time is up."""
+        return gap(self.best.objective, self.bound) <= PROOF or self.clock.left <= 0
+
+    def offer(self, plan: Solution) -> None:
+        """Keeps a plan that is better than the best."""
+        if plan.objective < self.best.objective:
+            self.best = plan
+
 
 def exact(problem: Problem, options: Options) -> Answer:
-    """SCIP with cones as u v >= sum(x^2); if its optimum closes them it is the optimum of the AC
-    model too. Otherwise SCIP again with equality, which is global but slow.
+    """Global optimum of the AC model to a gap of 1e-5, whatever gap is asked for.
+
+    Cones are held as u v >= sum(x^2), integers exactly, and modes where the answer breaks them.
+    With integers and modes as found, the conic program and if need be Ipopt close the cones. If
+    that costs nothing, the plan is optimal. Otherwise SCIP searches again with everything exact
+    and cones as equalities, which is slow.
 
     Raises:
         UsageError: the extra `exact` (PySCIPOpt) is not installed.
+        InfeasibleError: naming what is in conflict.
+        SolverError: no plan was found in time.
     """
     if importlib.util.find_spec("pyscipopt") is None:
         raise UsageError(
             "method 'exact' needs SCIP, which is not installed",
             hint='pip install "resilience[exact]"',
         )
-    clock = Clock(options.time_limit)
-    with phase("SCIP", "convex relaxation"):
-        found = _scip(problem, options, clock, "relaxed")
-    bound = found.bound
-    if found.z is not None and _width(problem, found) > CLOSED and clock.left > 0:
+    search = Search(problem, Clock(options.time_limit))
+    while _round(search):
+        pass
+    if not search.done:
         with phase("SCIP", "AC equations"):
-            strict = _scip(problem, options, clock, "equal")
-        if strict.z is not None:
-            found, bound = strict, max(bound, strict.bound)
+            strict = _scip(search, Pyomo(problem.standard, solver="scip", gap=PROOF / 2))
+        search.bound = max(search.bound, strict.bound)
+        search.offer(strict)
+    if search.best.z is None:
+        raise no_plan(problem, "SCIP", options)
+    proven = gap(search.best.objective, search.bound) <= PROOF
+    status: Status = "optimal" if proven else "feasible"
+    best = replace(search.best, status=status)
+    return Answer.of(problem, best, search.bound, [] if proven else [LATE])
+
+
+def _round(search: Search) -> bool:
+    """The convex problem with the modes held so far; False when it leaves nothing to hold."""
+    standard = search.problem.standard
+    if standard.integer.any() or search.modes:
+        lowered = lower(standard, exact=search.modes)
+        with phase("SCIP", "convex relaxation"):
+            found = _scip(search, Pyomo(lowered, solver="scip", cones="relaxed", gap=PROOF / 2))
+    else:
+        with phase("conic relaxation"):
+            found = relaxation(search.problem, search.problem.vectors)
+    if found.status == "infeasible":
+        raise infeasible(search.problem)
+    search.bound = max(search.bound, found.bound)
     if found.z is None:
-        raise nothing_found("SCIP", options.time_limit)
-    return Answer(
-        status=found.status,
-        z=found.point,
-        objective=found.objective,
-        bound=bound,
-        bound_of=problem.grid.physics,
-        relaxed=remains(problem.standard, found.point),
-        notes=["the time limit ended the search"] if found.status == "feasible" else [],
-    )
+        return False
+    search.offer(_plan(search, found))
+    broken = violated(standard, found.z)
+    for k, elements in broken.items():
+        search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
+    return bool(broken) and not search.done
 
 
-def _scip(problem: Problem, options: Options, clock: Clock, cones: Cones) -> Solution:
-    solver = Pyomo(
-        problem.standard,
-        solver="scip",
-        cones=cones,
-        time_limit=max(clock.left, 1.0),
-        gap=min(options.gap, 1e-5),
-    )
-    solver.update(problem.vectors)
+def _scip(search: Search, solver: Pyomo) -> Solution:
+    solver.time_limit = max(search.clock.left, 1.0)
+    solver.update(search.problem.vectors)
     found = solver.solve()
     if found.status == "infeasible":
-        raise infeasible([], f"the {problem.grid.physics} model")
+        raise infeasible(search.problem)
     return found
+
+
+def _plan(search: Search, found: Solution) -> Solution:
+    """The point found with its cones closed and the solver's tolerances taken out."""
+    problem, standard = search.problem, search.problem.standard
+    vectors = rounded(problem, found.point)
+    vectors = vectors.fixed(*sides(standard, found.point, search.modes))
+    with phase("conic program"):
+        point = relaxation(problem, vectors)
+    best = NOTHING if point.z is None else completed(problem, point, vectors, search.clock.left)
+    whole = widest(standard, found.point) <= CLOSED and not violated(standard, found.point)
+    return found if best.z is None and whole else best

@@ -2,25 +2,91 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
+
 import numpy as np
+import scipy.sparse as sp
 
 from resilience.errors import UsageError
-from resilience.models.backends.base import Solution
+from resilience.models.algebra import Floats
+from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.methods.answer import (
+    CLOSED,
+    LATE,
     Answer,
     Bools,
     Clock,
     Options,
     fractional,
-    infeasible,
-    nothing_found,
-    remains,
+    gap,
+    rounded,
+    sides,
     violated,
+    widest,
 )
+from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.start import any_point, mended, switches
 from resilience.models.problem import Problem
+from resilience.models.referee import structure_violations
+from resilience.models.standard import Standard, Vectors
 from resilience.progress import phase
+
+Rows = tuple[sp.csr_array, Floats]
+ROUNDS = 30  # tangents alone converge in about nine
+
+
+@dataclass
+class Search:
+    """Which columns are held integer so far, which modes have binaries, and what is proven.
+
+    `rows` are tangents of discs, G z <= h, where the polygons around them were exceeded.
+    """
+
+    problem: Problem
+    options: Options
+    clock: Clock
+    integer: Bools
+    modes: dict[int, Bools] = field(default_factory=dict)
+    bound: float = -np.inf
+    best: Solution = NOTHING
+    rows: list[Rows] = field(default_factory=list)
+
+    @property
+    def gap(self) -> float:
+        """Relative gap of the best plan."""
+        return gap(self.best.objective, self.bound)
+
+    @property
+    def late(self) -> bool:
+        """Whether time is up."""
+        return self.clock.left <= 0
+
+    def solver(self, vectors: Vectors, discs: Discs = "outer", share: float = 1.0) -> Highs:
+        """HiGHS with what is held so far and a share of the time left."""
+        standard = self.problem.standard
+        lowered = lower(standard, integer=self.integer, exact=self.modes, discs=discs)
+        seconds = max(share * self.clock.left, 1.0)
+        rows = None
+        if discs == "outer" and self.rows:
+            blocks, right = zip(*self.rows, strict=True)
+            rows = sp.vstack(blocks, format="csr"), np.concatenate(right)
+        solver = Highs(lowered, rows=rows, time_limit=seconds, gap=self.options.gap / 2)
+        solver.update(vectors)
+        return solver
+
+    def tightened(self, z: Floats, broken: dict[int, Bools]) -> bool:
+        """Holds what z breaks; False when there is nothing new to hold."""
+        standard = self.problem.standard
+        loose = bool(fractional(standard, z).any())
+        if loose:
+            self.integer = standard.integer
+        for k, elements in broken.items():
+            self.modes[k] = self.modes.get(k, np.zeros(len(elements), bool)) | elements
+        exceeded = _disc_tangents(standard, z)
+        self.rows += exceeded
+        return loose or bool(broken) or bool(exceeded)
 
 
 def lp(problem: Problem, options: Options) -> Answer:
@@ -30,115 +96,106 @@ def lp(problem: Problem, options: Options) -> Answer:
 
 def milp(problem: Problem, options: Options) -> Answer:
     """Holds all integers from the start; modes get their binaries where the answer needs them."""
-    return _solve(problem, options, problem.standard.integer.copy())
+    return _solve(problem, options, problem.standard.integer)
 
 
 def _solve(problem: Problem, options: Options, integer: Bools) -> Answer:
-    standard, clock = problem.standard, Clock(options.time_limit)
+    standard = problem.standard
     if any(s.kind == "cone" for s in standard.structures):
         raise UsageError(
             "linear methods cannot hold the cones of distflow; allowed: copperplate, lindistflow",
             hint="use --method socp, nlp, minlp or exact with --physics distflow",
         )
-    modes: dict[int, Bools] = {}
-    bound, rounds = -np.inf, 0
-    while True:
-        with phase("linear program", f"round {rounds + 1}"):
-            solver = _solver(problem, options, clock, integer, modes, "inner")
-            found = _answered(solver, options, problem)
-        bound = max(bound, _bound(problem, options, clock, integer, modes, solver, found))
-        broken = violated(standard, found.point)
-        loose = fractional(standard, found.point)
-        if (not broken and not loose.any()) or clock.left <= 0:
+    search = Search(problem, options, Clock(options.time_limit), integer)
+    if integer.any():
+        with phase("linear program", "bound"):
+            search.bound = _relaxed_bound(search)
+    for k in range(ROUNDS):
+        with phase("linear program", f"round {k + 1}"):
+            found = _relaxed(search)
+            broken = violated(standard, found.point)
+            plan = _plan(search, found, broken)
+        if plan.objective < search.best.objective:
+            search.best = plan
+        enough = search.gap <= options.gap or (search.late and search.best.z is not None)
+        if enough or not search.tightened(found.point, broken):
             break
-        integer |= loose
-        for k, elements in broken.items():
-            modes[k] = modes.get(k, np.zeros(len(elements), bool)) | elements
-        rounds += 1
-    return _answer(problem, found, bound, rounds, modes)
+    return _answer(search, found)
 
 
-def _solver(
-    problem: Problem,
-    options: Options,
-    clock: Clock,
-    integer: Bools,
-    modes: dict[int, Bools],
-    discs: Discs,
-) -> Highs:
-    lowered = lower(problem.standard, integer=integer, exact=modes, discs=discs)
-    solver = Highs(lowered, time_limit=max(clock.left, 1.0), gap=options.gap / 2)
-    solver.update(problem.vectors)
-    if integer[problem.standard.columns("line.closed")].any() if _switches(problem) else False:
-        base = base_topology(problem, options)
-        if base is not None:
-            solver.start_from(base.point)
-    return solver
-
-
-def _switches(problem: Problem) -> bool:
-    return problem.standard.has("line.closed")
-
-
-def base_topology(problem: Problem, options: Options) -> Solution | None:
-    """The best plan that never switches a line, or None where that is infeasible."""
-    standard = problem.standard
-    closed = standard.columns("line.closed")
-    status = problem.x0["line.closed"][:, None] * problem.vectors.upper[closed]
-    kept = problem.vectors.fixed(closed.ravel(), status.ravel())
-    solver = Highs(lower(standard, exact={}), time_limit=options.time_limit / 4, gap=options.gap)
-    solver.update(kept)
-    found = solver.solve()
-    return None if found.z is None else found
-
-
-def _answered(solver: Highs, options: Options, problem: Problem) -> Solution:
-    found = solver.solve()
-    if found.status == "infeasible":
-        raise infeasible(solver.conflict(), f"the {problem.grid.physics} model")
-    if found.z is not None:
-        return found
-    base = base_topology(problem, options) if _switches(problem) else None
-    if base is None:
-        raise nothing_found("the linear method", options.time_limit)
-    return Solution("feasible", base.z, base.objective, found.bound)
-
-
-def _bound(
-    problem: Problem,
-    options: Options,
-    clock: Clock,
-    integer: Bools,
-    modes: dict[int, Bools],
-    solver: Highs,
-    found: Solution,
-) -> float:
-    """A bound for the model itself: where polygons stand for discs, around them, not within."""
-    if not len(solver.lowered.disc_rows):
-        return solver.certified_bound(found) if not solver.is_mip else found.bound
-    if solver.is_mip:
-        outer = _solver(problem, options, clock, integer, modes, "outer")
-        return outer.solve().bound
-    solver.lowered.discs = "outer"
-    solver.update(problem.vectors)
+def _relaxed_bound(search: Search) -> float:
+    """The bound of the linear relaxation, for a tree search that ends without a better one."""
+    relaxed = replace(search, integer=search.integer & False, modes={})
+    solver = relaxed.solver(search.problem.vectors)
     return solver.certified_bound(solver.solve())
 
 
-def _answer(
-    problem: Problem, found: Solution, bound: float, rounds: int, modes: dict[int, Bools]
-) -> Answer:
-    notes = []
-    if modes:
-        count = sum(int(elements.sum()) for elements in modes.values())
-        notes.append(f"{count} mode binaries were needed, added in {rounds} rounds")
-    if found.status == "feasible":
-        notes.append("the time limit ended the search; this is the best plan found")
-    return Answer(
-        status=found.status,
-        z=found.point,
-        objective=found.objective,
-        bound=bound,
-        bound_of=problem.grid.physics,
-        relaxed=remains(problem.standard, found.point),
-        notes=notes,
-    )
+def _relaxed(search: Search) -> Solution:
+    """The optimum of what is held so far with polygons around the discs; its bound is kept."""
+    problem = search.problem
+    solver = search.solver(problem.vectors)
+    if solver.is_mip and switches(problem):
+        unswitched = search.solver(mended(problem), share=0.25).solve()
+        if unswitched.z is not None:
+            solver.start_from(unswitched.z)
+    found = solver.solve()
+    if found.status == "infeasible":
+        raise infeasible(problem, solver.conflict())
+    bound = found.bound if solver.is_mip else solver.certified_bound(found)
+    search.bound = max(search.bound, bound)
+    if found.z is None and solver.is_mip:
+        found = any_point(problem, solver.lowered)
+    if found.z is None:
+        raise no_plan(problem, "HiGHS", search.options)
+    return found
+
+
+def _plan(search: Search, found: Solution, broken: dict[int, Bools]) -> Solution:
+    """A point that holds everything: `found` if it does, else the best with its integers and modes
+    and with polygons within the discs, else the best within them, else nothing.
+    """
+    problem, standard = search.problem, search.problem.standard
+    if fractional(standard, found.point).any():
+        return NOTHING
+    exceeded = widest(standard, found.point, "disc") > CLOSED
+    if not broken and not exceeded:
+        return found
+    held = rounded(problem, found.point)
+    for modes in (search.modes, broken):
+        held = held.fixed(*sides(standard, found.point, modes))
+    plan = search.solver(held, "inner").solve()
+    if plan.z is None and exceeded and not broken:
+        plan = search.solver(problem.vectors, "inner").solve()
+    sound = plan.z is not None and not violated(standard, plan.z)
+    return replace(plan, status=found.status) if sound else NOTHING
+
+
+def _answer(search: Search, found: Solution) -> Answer:
+    notes, options = [], search.options
+    best = found if search.best.z is None else search.best
+    if search.modes:
+        number = sum(int(elements.sum()) for elements in search.modes.values())
+        notes.append(f"{number} mode binaries were needed")
+    if search.gap > options.gap:
+        notes.append(LATE)
+    status: Status = "optimal" if search.gap <= options.gap else "feasible"
+    return Answer.of(search.problem, replace(best, status=status), search.bound, notes)
+
+
+def _disc_tangents(problem: Standard, z: Floats) -> list[Rows]:
+    """Rows G z <= h that hold wherever a disc holds and touch it nearest to z, if z exceeds it."""
+    found = []
+    for disc in problem.structures:
+        if disc.kind != "disc":
+            continue
+        at = np.flatnonzero(structure_violations(disc, z) > CLOSED)
+        if not len(at):
+            continue
+        values = np.array(disc.values(z))[:, at]
+        normals = values / np.linalg.norm(values, axis=0)
+        block = sum(m[at].multiply(n[:, None]) for m, n in zip(disc.matrices, normals, strict=True))
+        right = disc.limits[0][at] - sum(
+            c[at] * n for c, n in zip(disc.consts, normals, strict=True)
+        )
+        found.append((sp.csr_array(block), right))
+    return found

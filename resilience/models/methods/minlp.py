@@ -4,17 +4,17 @@ Outer approximation (Duran & Grossmann 1986) of the branch-flow model:
 
 1. SOCP with all binaries relaxed: the first bound, and tangents of all cones at its point.
 2. MILP over the tangents so far, integers exact, cones relaxed: a commitment, and its dual bound is
-   a bound for the whole problem.
+   a bound for every commitment that was not cut off.
 3. Commitment fixed: SOCP, and Ipopt from its point where a cone stayed open: a plan.
-4. Tangents at the plan are added; a commitment without a plan is cut off; back to 2 until the gap
-   is small enough or time is up.
+4. Tangents at the plan are added; a commitment that cannot be improved on is cut off, its own
+   bound kept; back to 2 until the gap is small enough or time is up.
 
 The price on losses that closes cones is used for plans only, never for bounds.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,40 +24,46 @@ from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
 from resilience.models.methods.answer import (
-    CLOSED,
     Answer,
     Bools,
     Clock,
     Options,
     fractional,
     gap,
-    infeasible,
-    nothing_found,
-    remains,
+    rounded,
     sides,
     violated,
 )
-from resilience.models.methods.conic import _width, ac_point, closed, relaxation
+from resilience.models.methods.conic import completed, relaxation, root
+from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.start import any_point
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
 from resilience.progress import phase
 
-ROUNDS = 8
+ROUNDS = 20
 SHARE = 0.5  # of the time left that one MILP may take
 
 
 @dataclass
 class Search:
-    """What is known so far."""
+    """What is known so far.
+
+    Attributes:
+        bound: lower bound for the whole problem.
+        floor: lower bound for the commitments that were cut off.
+        modes: elements of splits and curves that need binaries.
+        rows: tangents of cones and no-good cuts, as G z <= h.
+    """
 
     problem: Problem
     options: Options
     clock: Clock
     bound: float = -np.inf
+    floor: float = np.inf
     best: Solution = NOTHING
     modes: dict[int, Bools] = field(default_factory=dict)
     rows: list[tuple[sp.csr_array, Floats]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     @property
     def gap(self) -> float:
@@ -66,39 +72,49 @@ class Search:
 
     @property
     def done(self) -> bool:
-        """Whether the gap asked for is reached or time is up."""
-        return self.gap <= self.options.gap or self.clock.left <= 0
+        """Whether the gap asked for is reached, or time is up and there is a plan."""
+        return self.gap <= self.options.gap or (self.late and self.best.z is not None)
 
-    def offer(self, found: Solution) -> None:
-        """Keeps a plan that is better than the best."""
-        if found.z is not None and found.objective < self.best.objective:
-            self.best = found
+    @property
+    def late(self) -> bool:
+        """Whether time is up."""
+        return self.clock.left <= 0
+
+    def learn(self, bound: float) -> None:
+        """Takes a bound for all commitments that are not cut off."""
+        self.bound = max(self.bound, min(bound, self.floor))
+
+    def exclude(self, z: Floats, bound: float) -> None:
+        """Cuts a commitment off whose own bound is known: at least one integer must differ."""
+        problem = self.problem.standard
+        at = np.flatnonzero(problem.integer)
+        ones = np.round(z[at]) > 0.5
+        entries = np.where(ones, 1.0, -1.0), (np.zeros(len(at), np.intp), at)
+        self.rows.append(
+            (sp.csr_array(entries, shape=(1, problem.n_columns)), np.array([ones.sum() - 1.0]))
+        )
+        self.floor = min(self.floor, max(bound, self.bound))
 
 
 def minlp(problem: Problem, options: Options) -> Answer:
-    """See the module's docstring."""
+    """See the module's docstring.
+
+    Raises:
+        InfeasibleError: naming what is in conflict.
+        SolverError: no plan was found in time.
+    """
     search = Search(problem, options, Clock(options.time_limit))
-    with phase("conic relaxation"):
-        root = relaxation(problem)
-    if root.z is None:
-        raise nothing_found("the conic relaxation", options.time_limit)
-    search.bound = root.bound
-    search.rows.append(tangents(problem.standard, root.point))
-    if not fractional(problem.standard, root.point).any():
-        _plan(search, root, _rounded(problem, root.point))
+    first = root(problem, options)
+    search.bound = first.bound
+    search.rows.append(tangents(problem.standard, first.point))
+    if not fractional(problem.standard, first.point).any():
+        _plan(search, first, rounded(problem, first.point), first.point)
     for k in range(ROUNDS):
-        if search.done:
-            break
-        if not _round(search, k + 1):
+        if search.done or (k and search.late) or not _round(search, k + 1):
             break
     if search.best.z is None:
-        raise nothing_found("minlp", options.time_limit)
+        raise no_plan(problem, "minlp", options)
     return _answer(search)
-
-
-def _rounded(problem: Problem, z: Floats) -> Vectors:
-    at = np.flatnonzero(problem.standard.integer)
-    return problem.vectors.fixed(at, np.round(z[at]))
 
 
 def _round(search: Search, k: int) -> bool:
@@ -107,89 +123,68 @@ def _round(search: Search, k: int) -> bool:
     if not standard.integer.any() and not search.modes:
         return False
     with phase("commitment", f"round {k}, gap {100 * search.gap:.2f} %"):
-        master = _master(search)
-    search.bound = max(search.bound, master.bound)
-    if master.status == "infeasible":
-        if search.best.z is None:
-            raise infeasible([], f"the {problem.grid.physics} model with its integers")
-        return False
+        master = _commitment(search)
+    if master.status == "infeasible" and search.floor == np.inf:
+        raise infeasible(problem)
+    before = search.bound, search.best.objective
+    search.learn(master.bound)
     if master.z is None or search.done:
         return False
     search.rows.append(tangents(standard, master.point))
-    vectors = _rounded(problem, master.point)
+    vectors = rounded(problem, master.point)
     with phase("conic program", f"round {k}"):
         found = relaxation(problem, vectors)
-    if found.z is None:
-        search.rows.append(_no_good(problem, master.point))
+    if found.z is not None:
+        search.rows.append(tangents(standard, found.point))
+        _plan(search, found, vectors, master.point)
+    if search.best.objective < before[1] - 1e-9 * abs(before[1]):
         return True
-    search.rows.append(tangents(standard, found.point))
-    before = search.best.objective
-    _plan(search, found, vectors)
-    if search.best.objective >= before - 1e-9 * abs(before):
-        search.rows.append(_no_good(problem, master.point))
-    return True
+    if standard.integer.any():
+        search.exclude(master.point, found.bound)
+        return True
+    return search.bound > before[0] + 1e-9 * abs(before[0])
 
 
-def _master(search: Search) -> Solution:
+def _commitment(search: Search) -> Solution:
+    """The MILP's point and bound; where time ends before it has a point, any that is feasible."""
     standard = search.problem.standard
     lowered = lower(standard, exact=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
-    h = np.concatenate([sides_ for _, sides_ in search.rows])
-    solver = Highs(
-        lowered,
-        rows=(g, h),
-        gap=search.options.gap / 2,
-        time_limit=max(SHARE * search.clock.left, 1.0),
-    )
+    h = np.concatenate([right for _, right in search.rows])
+    seconds = max(SHARE * search.clock.left, 1.0)
+    solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
     solver.update(search.problem.vectors)
-    return solver.solve()
+    found = solver.solve()
+    if found.status == "none" and search.best.z is None:
+        return replace(any_point(search.problem, lowered), bound=found.bound)
+    return found
 
 
-def _plan(search: Search, found: Solution, vectors: Vectors) -> None:
-    """Turns a point of the relaxation for fixed integers into a plan that satisfies everything."""
+def _plan(search: Search, found: Solution, vectors: Vectors, z: Floats) -> None:
+    """Turns a point of the relaxation for fixed integers into a plan that satisfies everything.
+
+    Modes with binaries are held as they are in z. Others get one where holding them costs much.
+    """
     problem, standard = search.problem, search.problem.standard
-    point = closed(problem, found, vectors)
-    broken = violated(standard, point.point)
-    if broken:
-        for k, elements in broken.items():
-            search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
-        vectors = vectors.fixed(*sides(standard, point.point, broken))
+    point = found
+    if search.modes:
+        vectors = vectors.fixed(*sides(standard, z, search.modes))
         point = relaxation(problem, vectors)
-        if point.z is None:
-            return
-        point = closed(problem, point, vectors)
-    if _width(problem, point) > CLOSED:
-        with phase("AC equations", "Ipopt"):
-            point = ac_point(problem, point.point, vectors, max(search.clock.left, 5.0))
-    if point.z is not None and not violated(standard, point.point):
-        search.offer(point)
-
-
-def _no_good(problem: Problem, z: Floats) -> tuple[sp.csr_array, Floats]:
-    """At least one integer must differ: sum over ones (1 - b) + sum over zeros b >= 1."""
-    at = np.flatnonzero(problem.standard.integer)
-    ones = np.round(z[at]) > 0.5
-    row = sp.csr_array(
-        (np.where(ones, 1.0, -1.0), (np.zeros(len(at), np.intp), at)),
-        shape=(1, problem.standard.n_columns),
-    )
-    return row, np.array([ones.sum() - 1.0])
+    plan = NOTHING
+    if point.z is not None:
+        plan = completed(problem, point, vectors, search.clock.left)
+    if gap(plan.objective, found.bound) > search.options.gap / 2:
+        for k, elements in violated(standard, found.point).items():
+            search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
+    if plan.objective < search.best.objective:
+        search.best = plan
 
 
 def _answer(search: Search) -> Answer:
-    reached = search.gap <= search.options.gap
-    if not reached:
-        search.notes.append(
-            f"the gap of {100 * search.gap:.2f} % is above the {100 * search.options.gap:.2g} % "
-            f"asked for after {search.options.time_limit - search.clock.left:.0f} s; "
-            "this is the best plan found"
-        )
-    return Answer(
-        status="optimal" if reached else "feasible",
-        z=search.best.point,
-        objective=search.best.objective,
-        bound=search.bound,
-        bound_of=search.problem.grid.physics,
-        relaxed=remains(search.problem.standard, search.best.point),
-        notes=search.notes,
+    reached, asked = search.gap <= search.options.gap, search.options.gap
+    note = (
+        f"the gap of {100 * search.gap:.2g} % is above the {100 * asked:.2g} % asked for after "
+        f"{search.clock.spent:.1f} s; this is the best plan found"
     )
+    best = replace(search.best, status="optimal" if reached else "feasible")
+    return Answer.of(search.problem, best, search.bound, [] if reached else [note])

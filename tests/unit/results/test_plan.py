@@ -144,6 +144,15 @@ def test_frames_are_indexed_by_time(storm: rs.Plan) -> None:
 def test_a_plan_is_drawn(storm: rs.Plan, tmp_path: Path) -> None:
     figure = rs.plot_plan(storm, tmp_path / "plan.png")
     assert [axis.get_ylabel().split(",")[0].split("\n")[0] for axis in figure.axes] == [
-        "power", "state of", "shed", "voltage", "bus",
+        "power", "state of", "shed", "voltage", "bus", "lines",
     ]  # fmt: skip
     assert (tmp_path / "plan.png").stat().st_size > 50_000
+
+
+def test_missing_reactive_power_is_named(tmp_path: Path) -> None:
+    lagging = LOAD.replace("shed_cost", "power_factor = 0.9\nshed_cost")
+    unit = '[[generator]]\nname = "g"\nbus = "2"\np_max_mw = 5.0\ncost_per_mwh = 2.0\n'
+    blind = rs.solve(case(tmp_path, lagging + unit), "lp", outages="1-2@01:00-03:00")
+    assert blind.shed_by_load == {"town": {"reactive": pytest.approx(4.0)}}
+    able = unit + "q_max_mvar = 3.0\n"
+    assert rs.solve(case(tmp_path, lagging + able), "lp", outages="1-2@01:00-03:00").shed_mwh == 0.0

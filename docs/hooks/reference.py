@@ -8,6 +8,7 @@ A navigation entry that ends in `/` is filled with the pages of that folder.
 """
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 COMPONENTS = ROOT / "resilience" / "models" / "components"
 
 # Longest suffix first: p_max_mw is MW, cost_per_mwh is not.
@@ -85,7 +86,8 @@ def fill(nav: list[Any], docs: Path) -> None:
             if isinstance(target, list):
                 fill(target, docs)
             elif target == "reference/components/":
-                entry[title] = [f"{target}{name}.md" for name in components()]
+                titles = {name: text.partition("\n")[0][2:] for name, text in components().items()}
+                entry[title] = [{t: f"{target}{name}.md"} for name, t in titles.items()]
             elif target.endswith("/"):
                 found = sorted((docs / target).glob("*.md"))
                 entry[title] = [f"{target}{path.name}" for path in found]
@@ -95,10 +97,12 @@ def components() -> dict[str, str]:
     """Return the page of every component file whose docstring holds formulas."""
     found = {}
     for path in sorted(COMPONENTS.glob("*.py")):
-        title, _, body = (ast.get_docstring(ast.parse(path.read_text())) or "").partition("\n")
-        if "$$" in body:
+        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        if "$$" in text:
+            title = re.split(r" \(|[:,.]", text, maxsplit=1)[0]
             source = path.relative_to(ROOT).as_posix()
-            found[path.stem] = f"# {title.rstrip('.')}\n{body}\n\n*From `{source}`.*\n"
+            body = text.removeprefix(f"{title}.").strip()
+            found[path.stem] = f"# {title}\n\n{body}\n\n*From `{source}`.*\n"
     return found
 
 

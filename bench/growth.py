@@ -1,0 +1,35 @@
+"""How build and LP time grow with the feeder: LinDistFlow over 24 slots of an hour."""
+
+from __future__ import annotations
+
+import importlib.util
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from bench.feeders import SLOTS, feeders
+from bench.linear import build
+from bench.row import Row, skipped, timed
+from resilience.models.backends.highs import Highs
+
+
+def growing() -> Iterator[Row]:
+    if importlib.util.find_spec("simbench") is None:
+        yield skipped("growth", 'needs SimBench: pip install -e ".[data]"')
+        return
+    sizes, builds, solves = [], [], []
+    with tempfile.TemporaryDirectory() as folder:
+        cases = feeders(Path(folder))
+    for case in cases:
+        sizes.append(len(case.network.bus_names))
+        seconds, solver = min(
+            (timed(lambda c=case: build(c, Highs)) for _ in range(3)), key=lambda pair: pair[0]
+        )
+        builds.append(seconds)
+        solves.append(timed(solver.solve)[0])
+    for name, seconds in (("build", builds), ("LP", solves)):
+        exponent = np.polyfit(np.log(sizes), np.log(seconds), 1)[0]
+        each = ", ".join(f"{n} buses {t:.2g} s" for n, t in zip(sizes, seconds, strict=True))
+        yield Row(f"{name} time, {SLOTS} slots", f"n^{exponent:.2f}", "", None, each)

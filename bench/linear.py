@@ -1,0 +1,99 @@
+"""LinDistFlow on ieee33: building 96 slots, and re-solving windows of 8, HiGHS against Pyomo."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bench.row import Row, below, ratio, timed
+from resilience.case import Case, load_case
+from resilience.models.backends.base import Backend, Solution
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import Lowered, lower
+from resilience.models.backends.pyomo import Pyomo
+from resilience.models.problem import Problem, horizon
+from resilience.models.standard import Standard, Values
+
+WINDOW = 8
+AGREEMENT = 1e-6
+TURNS = 3
+
+
+def relaxed(standard: Standard) -> Lowered:
+    """The linear program: integers and modes left out, discs as polygons."""
+    return lower(standard, integer=np.zeros(standard.n_columns, bool), exact={})
+
+
+def build(case: Case, backend: type[Highs] | type[Pyomo]) -> Backend:
+    """From a case to a model that is ready to be solved."""
+    problem = horizon(case)
+    solver = backend(relaxed(problem.standard))
+    solver.update(problem.vectors)
+    return solver
+
+
+def building() -> Iterator[Row]:
+    case = load_case("ieee33")
+    for backend in (Highs, Pyomo):
+        build(case, backend)  # imports
+    fast, slow = [], []
+    for _ in range(3):
+        fast += [timed(lambda: build(case, Highs))[0] for _ in range(5)]
+        slow.append(timed(lambda: build(case, Pyomo))[0])
+    yield ratio("build 96 slots, highs over pyomo", slow, fast, 50.0)
+
+
+def windows(
+    day: Problem, rng: np.random.Generator, order: np.ndarray
+) -> list[tuple[Values, Values]]:
+    """Data and states of windows that begin at the slots `order`, every one with other numbers."""
+    found = []
+    for first in order:
+        data = {k: v[:, first : first + WINDOW] for k, v in day.data.items()}
+        for name in ("load.demand", "pv.available"):
+            data[name] = data[name] * rng.uniform(0.95, 1.0, data[name].shape)
+        energy = day.x0["ess.energy"]
+        x0 = dict(day.x0) | {"ess.energy": energy * rng.uniform(0.6, 1.4, len(energy))}
+        found.append((data, x0))
+    return found
+
+
+def resolving() -> Iterator[Row]:
+    case = load_case("ieee33")
+    day, window = horizon(case), horizon(case.replace(slots=WINDOW))
+    rng = np.random.default_rng(0)
+    firsts = np.arange(case.slots - WINDOW)
+    fast, slow = _race(window.standard, windows(day, rng, firsts))
+    yield ratio("8-slot window through the day, highs over pyomo", slow, fast, 10.0)
+    yield below("the same, highs, model update included", 1e3 * float(np.median(fast)), 2.0, "ms")
+    fast, slow = _race(window.standard, windows(day, rng, rng.permutation(firsts)))
+    yield ratio("8-slot windows in random order, highs over pyomo", slow, fast, None)
+    yield below("the same, highs, model update included", 1e3 * float(np.median(fast)), 2.0, "ms")
+
+
+def _race(standard: Standard, each: list[tuple[Values, Values]]) -> tuple[list[float], list[float]]:
+    """Seconds per window of warm HiGHS and of the persistent Pyomo solver, in turns of a day.
+
+    Raises:
+        AssertionError: their optima differ.
+    """
+    lowered = relaxed(standard)
+    highs, pyomo = Highs(lowered, duals=False), Pyomo(lowered)
+    for solver in (highs, pyomo):
+        _again(solver, standard, *each[0])  # cold
+    fast, slow = [], []
+    for _ in range(TURNS):
+        ours = [timed(lambda e=e: _again(highs, standard, *e)) for e in each]
+        theirs = [timed(lambda e=e: _again(pyomo, standard, *e)) for e in each]
+        for k, ((s, our), (t, their)) in enumerate(zip(ours, theirs, strict=True)):
+            fast.append(s)
+            slow.append(t)
+            apart = abs(our.objective - their.objective) / (1.0 + abs(their.objective))
+            assert apart <= AGREEMENT, f"window {k}: {our.objective} and {their.objective}"
+    return fast, slow
+
+
+def _again(solver: Backend, standard: Standard, data: Values, x0: Values) -> Solution:
+    solver.update(standard.vectors(data, x0))
+    return solver.solve()

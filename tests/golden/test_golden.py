@@ -1,0 +1,147 @@
+"""One LP file per component, as Pyomo writes it: a change of physics shows up as a difference.
+
+Each file holds one component alone, over two slots of 15 minutes, with `rest_p` and `rest_q` for
+whatever else feeds into its buses. Line 2-3 is out in the second slot.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small import small
+
+from resilience.case import Case
+from resilience.models.algebra import scatter
+from resilience.models.backends.pyomo import Pyomo
+from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.problem import status
+from resilience.models.stage import Stage
+from resilience.models.tree import Tree
+from resilience.models.unroll import unroll
+
+HERE = Path(__file__).parent
+LOAD = {"p_max_mw": 2.0, "profile": "day", "power_factor": 0.8, "shed_cost_per_mwh": 10.0}
+PV = {"p_max_mw": 3.0, "profile": "day", "cost_per_mwh": 0.5}
+ESS = {
+    "p_max_mw": 1.0,
+    "p_min_mw": -2.0,
+    "e_mwh": 4.0,
+    "soc_min": 0.25,
+    "efficiency_charge": 0.8,
+    "efficiency_discharge": 0.5,
+    "degradation_cost_per_mwh": 0.5,
+    "s_mva": 2.5,
+}
+UNIT = {"p_max_mw": 4.0, "cost_per_mwh": 8.0, "q_min_mvar": -1.0, "q_max_mvar": 2.0}
+COMMITTED = {
+    "p_min_mw": 1.0,
+    "no_load_cost_per_h": 4.0,
+    "start_cost": 5.0,
+    "min_up_h": 1.0,
+    "min_down_h": 0.5,
+}
+RAMPED = {"ramp_up_mw_per_h": 2.0, "ramp_down_mw_per_h": 3.0, "p_initial_mw": 1.0}
+CURVE = {"p_max_mw": 2.0, "cost_curve": [[0.0, 1.0], [1.0, 3.0], [2.0, 7.0]]}
+GRID = {
+    "import_max_mw": 5.0,
+    "export_max_mw": 2.0,
+    "import_cost_per_mwh": 40.0,
+    "export_cost_per_mwh": -20.0,
+    "price_profile": "day",
+}
+
+# name of the file: (component, physics, tables of the case)
+GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
+    "load": (("Loads",), "lindistflow", {"load": [LOAD, {**LOAD, "bus": "3", "priority": 2.0}]}),
+    "load-block": (("Loads",), "copperplate", {"load": [{**LOAD, "block": True}]}),
+    "pv": (("PV",), "lindistflow", {"pv": [{**PV, "s_mva": 3.5}, {**PV, "curtailable": False}]}),
+    "ess": (("ESS",), "lindistflow", {"ess": [ESS]}),
+    "generator": (("Generators",), "lindistflow", {"generator": [UNIT]}),
+    "generator-committed": (
+        ("Generators",),
+        "lindistflow",
+        {"generator": [{**UNIT, **COMMITTED}]},
+    ),
+    "generator-ramped": (
+        ("Generators",),
+        "copperplate",
+        {"generator": [{**UNIT, **RAMPED, "start_cost": 5.0, "p_min_mw": 1.0, "initial_on": True}]},
+    ),
+    "generator-curve": (("Generators",), "copperplate", {"generator": [CURVE]}),
+    "grid": (("Grids",), "lindistflow", {"grid": [GRID]}),
+    "line-copperplate": (("Lines",), "copperplate", {}),
+    "line-lindistflow": (("Buses", "Lines"), "lindistflow", {}),
+    "line-distflow": (("Buses", "Lines"), "distflow", {}),
+    "line-switchable": (
+        ("Buses", "Lines", "Topology"),
+        "lindistflow",
+        {"about": [{"name": "2-3", "switchable": True, "switching_cost": 1.5}]},
+    ),
+}
+
+
+def tiny_case(**tables: Any) -> Case:
+    """Three buses in a row; the last line may fail, and both ends may carry an island."""
+    forming = {"import_max_mw": 5.0, "import_cost_per_mwh": 1.0, "v_pu": 1.05}
+    about = [{"name": "2-3", "rating_mva": 2.0}]
+    tables = {"grid": [forming], "ess": [{**ESS, "bus": "3"}], "about": about, **tables}
+    return small(
+        step_min=15.0,
+        buses=3,
+        lines=[(1, 2, 0.01, 0.02), (2, 3, 0.02, 0.04)],
+        columns={"day": [0.5, 1.0]},
+        outages=["2-3@00:15-00:30"],
+        **tables,
+    )
+
+
+def alone(grid: Microgrid, kinds: tuple[str, ...]) -> Pyomo:
+    """The components of these kinds in a stage of their own, unrolled over the case's slots."""
+    case = grid.case
+    chosen = [c for c in grid.components if type(c).__name__ in kinds]
+    stage = Stage(case.step_h, reactive=grid.physics != "copperplate")
+    names = grid.network.bus_names
+    fed = [found for c in chosen if (found := c.emit(stage)) is not None]
+    at = np.unique(np.concatenate([injection.bus for injection in fed]))
+    for word in ("p", "q") if stage.reactive else ("p",):
+        rest = stage.var(f"rest.{word}", [names[k] for k in at], -9.0, 9.0)
+        for injection in fed:
+            power = getattr(injection, word)
+            rest = rest + scatter(power, np.searchsorted(at, injection.bus), len(at))
+        stage.eq(f"balance.{word}", rest)
+    problem = unroll([stage], Tree.chain([case.slot_label(t) for t in range(case.slots)]))
+    situation = grid.situation(status(case))
+    data = {k: v for c in chosen for k, v in c.data(situation).items()}
+    start = {k: v for c in chosen for k, v in c.start().items()}
+    model = Pyomo(problem, solver="scip")  # discs and cones as quadratic rows; nothing is solved
+    model.update(problem.vectors(data, start))
+    return model
+
+
+def rounded(text: str) -> str:
+    """Numbers to ten digits: the last ones differ from one machine to the next."""
+    return re.sub(r"[-+]?\d+\.\d+(e[-+]?\d+)?", lambda m: f"{float(m[0]):+.10g}", text)
+
+
+def written(name: str, folder: Path) -> str:
+    kinds, physics, tables = GOLDEN[name]
+    path = folder / f"{name}.lp"
+    alone(microgrid(tiny_case(**tables), physics), kinds).write(path)
+    return rounded(path.read_text())
+
+
+@pytest.mark.parametrize("name", GOLDEN)
+def test_the_component_is_written_as_it_was(name: str, tmp_path: Path, regenerate: bool) -> None:
+    text, golden = written(name, tmp_path), HERE / f"{name}.lp"
+    if regenerate:
+        golden.write_text(text)
+    assert golden.exists(), "run `pytest tests/golden --regenerate`"
+    assert text == golden.read_text()
+
+
+def test_no_file_is_left_over() -> None:
+    assert {path.stem for path in HERE.glob("*.lp")} == set(GOLDEN)

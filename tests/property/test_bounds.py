@@ -1,0 +1,149 @@
+"""Bounds hold for any multipliers, and cuts cut off nothing that the cone allows."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_cases import quick
+from small import small
+
+from resilience.models.backends.base import Solution
+from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import lower, tangents
+from resilience.models.certificate import cone_share, safe_bound
+from resilience.models.microgrid import Physics
+from resilience.models.problem import Problem, horizon
+from resilience.models.stage import Stage
+from resilience.models.tree import Tree
+from resilience.models.unroll import unroll
+
+
+@cache
+def feeder(physics: Physics) -> Problem:
+    """Three buses with a load, a battery, a plant and the grid, over two hours."""
+    case = small(
+        buses=3,
+        lines=[(1, 2, 0.02, 0.01), (2, 3, 0.02, 0.02)],
+        about=[{"name": "2-3", "rating_mva": 0.8}],
+        columns={"price": [0.4, 1.0]},
+        load=[{"bus": "3", "p_max_mw": 1.0, "power_factor": 0.9, "shed_cost_per_mwh": 9.0}],
+        pv=[{"bus": "2", "p_max_mw": 0.4, "s_mva": 0.5}],
+        ess=[{"bus": "3", "p_max_mw": 0.5, "e_mwh": 1.0, "degradation_cost_per_mwh": 0.1}],
+        grid=[
+            {"import_max_mw": 2.0, "import_cost_per_mwh": 3.0, "price_profile": "price"},
+        ],
+        terminal=1.0,
+    )
+    return horizon(case, physics)
+
+
+@cache
+def linear() -> tuple[Problem, Highs, Solution]:
+    problem = feeder("lindistflow")
+    nothing = np.zeros(problem.standard.n_columns, bool)
+    solver = Highs(lower(problem.standard, integer=nothing, exact={}, discs="outer"))
+    solver.update(problem.vectors)
+    return problem, solver, solver.solve()
+
+
+@cache
+def conic() -> tuple[Problem, Solution]:
+    problem = feeder("distflow")
+    solver = Conic(problem.standard)
+    solver.update(problem.vectors)
+    return problem, solver.solve()
+
+
+SEEDS = st.integers(0, 10_000)
+WIDTHS = st.sampled_from([0.0, 1e-6, 1e-2, 1.0, 30.0])  # 0: the solver's own multipliers
+
+
+@quick
+@given(SEEDS, WIDTHS)
+def test_any_multipliers_of_rows_give_a_bound(seed: int, width: float) -> None:
+    problem, solver, found = linear()
+    assert found.duals is not None
+    rows = found.duals.rows
+    rows = rows + width * np.random.default_rng(seed).normal(size=len(rows))
+    v = solver.lowered.vectors(problem.vectors)
+    bound = safe_bound(solver.lowered.a, v, v.row_lower, v.row_upper, rows)
+    assert np.isfinite(bound)
+    assert bound <= found.objective + 1e-9
+    assert width > 0.0 or bound >= found.objective - 1e-6
+
+
+@quick
+@given(SEEDS, WIDTHS)
+def test_any_multipliers_of_cones_give_a_bound(seed: int, width: float) -> None:
+    problem, found = conic()
+    assert found.duals is not None
+    rng, v, duals = np.random.default_rng(seed), problem.vectors, found.duals
+    rows = duals.rows + width * rng.normal(size=len(duals.rows))
+    cones = {k: y + width * rng.normal(size=y.shape) for k, y in duals.cones.items()}
+    slope, offset = cone_share(problem.standard, cones)
+    a = problem.standard.a
+    bound = safe_bound(a, v, v.row_lower, v.row_upper, rows, slope, offset)
+    assert np.isfinite(bound)
+    assert bound <= found.objective + 1e-6
+    assert width > 0.0 or bound == pytest.approx(found.objective, abs=1e-5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_multipliers_outside_the_cone_are_moved_into_it(share: float) -> None:
+    problem, found = conic()
+    assert found.duals is not None
+    v, a, duals = problem.vectors, problem.standard.a, found.duals
+    short = {
+        k: y * np.array([share, 1.0, 1.0, 1.0])[: len(y), None] for k, y in duals.cones.items()
+    }
+    slope, offset = cone_share(problem.standard, short)
+    bound = safe_bound(a, v, v.row_lower, v.row_upper, duals.rows, slope, offset)
+    assert bound <= found.objective + 1e-6
+
+
+def test_multipliers_of_the_wrong_sign_are_not_used() -> None:
+    problem, solver, found = linear()
+    assert found.duals is not None
+    v = solver.lowered.vectors(problem.vectors)
+    one_sided = np.isinf(v.row_lower)
+    for rows in (found.duals.rows - 5.0 * one_sided, -found.duals.rows):
+        bound = safe_bound(solver.lowered.a, v, v.row_lower, v.row_upper, rows)
+        assert np.isfinite(bound)
+        assert bound <= found.objective + 1e-9
+
+
+@quick
+@given(SEEDS)
+def test_tangents_touch_the_cone_and_cut_off_nothing_of_it(seed: int) -> None:
+    # u v >= x^2 + y^2 with shifted arguments, at and around random points of the surface.
+    stage = Stage(1.0)
+    u, v, x, y = (stage.var(name, ["a", "b"], -9.0, 9.0) for name in "uvxy")
+    stage.cone("flow", u + 0.5, v * 2.0 + 0.75, x - 0.25, y)
+    problem = unroll([stage], Tree.chain(["t0", "t1"]))
+    rng = np.random.default_rng(seed)
+
+    def on_the_cone(room: float) -> Any:
+        z = np.zeros(problem.n_columns)
+        left, right = rng.normal(size=4), rng.normal(size=4)
+        second = rng.uniform(0.2, 2.0, 4)
+        z[problem.columns("v").T.ravel()] = (second - 0.75) / 2.0
+        z[problem.columns("x").T.ravel()] = left + 0.25
+        z[problem.columns("y").T.ravel()] = right
+        z[problem.columns("u").T.ravel()] = (left**2 + right**2) / second - 0.5 + room
+        return z
+
+    touched = on_the_cone(0.0)
+    rows, sides = tangents(problem, touched)
+    assert rows @ touched == pytest.approx(sides, abs=1e-9)
+    assert rows.shape[0] == 4
+    for _ in range(20):
+        assert (rows @ on_the_cone(rng.uniform(0.0, 1.0)) <= sides + 1e-9).all()
+    outside = touched.copy()
+    outside[problem.columns("u").ravel()] -= 0.1
+    assert (rows @ outside > sides).all()
