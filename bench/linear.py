@@ -44,32 +44,36 @@ def building() -> Iterator[Row]:
     yield ratio("build 96 slots, highs over pyomo", slow, fast, 50.0)
 
 
-def windows(
-    day: Problem, rng: np.random.Generator, order: np.ndarray
-) -> list[tuple[Values, Values]]:
-    """Data and states of windows that begin at the slots `order`, every one with other numbers."""
+def windows(day: Problem, window: Standard, order: np.ndarray) -> list[tuple[Values, Values]]:
+    """Data and states of windows that begin at the slots `order`, as a controller meets them.
+
+    Demand and PV differ from the forecast by up to 5 %, and so does the storage from the plan.
+    """
+    rng = np.random.default_rng(0)
+    highs, energy = Highs(relaxed(window)), day.x0["ess.energy"]
+    after = window.columns("ess.energy")[:, 0]
     found = []
     for first in order:
         data = {k: v[:, first : first + WINDOW] for k, v in day.data.items()}
         for name in ("load.demand", "pv.available"):
             data[name] = data[name] * rng.uniform(0.95, 1.0, data[name].shape)
-        energy = day.x0["ess.energy"]
-        x0 = dict(day.x0) | {"ess.energy": energy * rng.uniform(0.6, 1.4, len(energy))}
+        x0 = dict(day.x0) | {"ess.energy": energy * rng.uniform(0.95, 1.0, len(energy))}
         found.append((data, x0))
+        energy = _again(highs, window, data, x0).point[after]
     return found
 
 
 def resolving() -> Iterator[Row]:
     case = load_case("ieee33")
-    day, window = horizon(case), horizon(case.replace(slots=WINDOW))
-    rng = np.random.default_rng(0)
+    day, window = horizon(case), horizon(case.replace(slots=WINDOW)).standard
     firsts = np.arange(case.slots - WINDOW)
-    fast, slow = _race(window.standard, windows(day, rng, firsts))
-    yield ratio("8-slot window through the day, highs over pyomo", slow, fast, 10.0)
-    yield below("the same, highs, model update included", 1e3 * float(np.median(fast)), 2.0, "ms")
-    fast, slow = _race(window.standard, windows(day, rng, rng.permutation(firsts)))
-    yield ratio("8-slot windows in random order, highs over pyomo", slow, fast, None)
-    yield below("the same, highs, model update included", 1e3 * float(np.median(fast)), 2.0, "ms")
+    for name, order, least in (
+        ("windows of 8 slots through the day", firsts, 10.0),
+        ("in random order", np.random.default_rng(0).permutation(firsts), None),
+    ):
+        fast, slow = _race(window, windows(day, window, order))
+        yield ratio(f"re-solve, {name}, highs over pyomo", slow, fast, least)
+        yield below(f"re-solve, {name}, highs", 1e3 * float(np.median(fast)), 2.0, "ms")
 
 
 def _race(standard: Standard, each: list[tuple[Values, Values]]) -> tuple[list[float], list[float]]:

@@ -27,7 +27,8 @@ from resilience.case.window import Window
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
 
-_MAX_PU = 2.0
+MAX_PU = 2.0
+"""Most that a profile of a device may ask for, per unit of its peak."""
 
 
 class ProfileError(Exception):
@@ -224,9 +225,7 @@ def _wrong_values(
         hint = "consumption and production are both positive here"
         checks.append((values < 0, "negative", "0 or more", hint))
         hint = "divide the column by its peak, and put the peak into p_max_mw"
-        checks.append(
-            (values > _MAX_PU, f"above {_MAX_PU:g}", "per unit of the device's peak", hint)
-        )
+        checks.append((values > MAX_PU, f"above {MAX_PU:g}", "per unit of the device's peak", hint))
     for wrong, what, allowed, hint in checks:
         count = int(np.count_nonzero(wrong))
         if count:

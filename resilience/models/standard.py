@@ -182,6 +182,9 @@ class Standard:
             if value.shape != (block.n, self.tree.n):
                 value = np.broadcast_to(value, (block.n, self.tree.n))
             stacked[block.slice] = value if len(nodes) == self.tree.n else value[:, nodes]
+        if np.isnan(stacked).any():
+            names = [b.name for b in form.stage.datums if np.isnan(stacked[b.slice]).any()]
+            raise ValueError(f"data {', '.join(names)}: a value is no number")
         return stacked
 
     def vectors(self, data: Values, x0: Values) -> Vectors:
@@ -189,6 +192,7 @@ class Standard:
 
         Raises:
             KeyError: data or a state that the problem needs is missing.
+            ValueError: a datum is no number.
         """
         n = self.n_columns
         cost, lower, upper = np.zeros(n), np.zeros(n), np.zeros(n)

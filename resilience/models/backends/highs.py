@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from resilience.models.algebra import Floats
-from resilience.models.backends.base import NOTHING, Duals, Solution, Status, leaf_rows
+from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.certificate import safe_bound
 from resilience.models.standard import Standard, Vectors
@@ -59,7 +59,7 @@ class Highs:
         self.time_limit, self.duals = time_limit, duals
         self._extra = rows
         self._sent: Vectors | None = None
-        self._free: list[int] = []
+        self._late = LeafCuts(self.problem)
         self.is_mip = bool(self.lowered.integer.any())
         self.model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
         self.model.silent()
@@ -86,6 +86,7 @@ class Highs:
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the basis of the last solve is kept."""
+        self._given, vectors = vectors, self._late.opened(vectors)
         if self._sent is None:
             self._pass(self.lowered.vectors(vectors))
         else:
@@ -130,7 +131,6 @@ class Highs:
         if not self.is_mip:
             self._set(WARM)
         at = _differ(new.lower, old.lower, new.upper, old.upper)
-        at = at[~np.isin(at, self._free)] if self._free else at
         if len(at):
             model.changeColsBounds(len(at), at, new.lower[at], new.upper[at])
         at = _differ(new.row_lower, old.row_lower, new.row_upper, old.row_upper)
@@ -148,14 +148,11 @@ class Highs:
         self._discs = self.lowered.discs
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
-        """Adds rows; the basis is kept. The leaf's future cost is set free when it has a cut."""
-        leaf = int(np.searchsorted(self.problem.tree.leaves, node))
-        future = int(self.problem.future[leaf])
-        columns, values = leaf_rows(self.problem.state_columns(node), future, beta)
-        for rhs, row in zip(-alpha, values, strict=True):
+        """Adds rows to what `update` sent; the basis is kept. See `Backend.add_cuts`."""
+        columns, values = self._late.add(node, alpha, beta)
+        for rhs, row in zip(-np.asarray(alpha, float), values, strict=True):
             self.model.addRow(-np.inf, rhs, len(columns), columns.astype(np.int32), row)
-        self._free.append(future)
-        self.model.changeColBounds(future, -highspy.kHighsInf, highspy.kHighsInf)
+        self.update(self._given)
 
     def start_from(self, z: Floats) -> None:
         """Hands a MIP a first point, in the problem's own columns."""
@@ -167,9 +164,14 @@ class Highs:
         if np.isfinite(self.time_limit):
             self.model.setOptionValue("time_limit", self.model.getRunTime() + self.time_limit)
         self.model.run()
-        info, status = self.model.getInfo(), self.model.getModelStatus()
-        if status in (STATUS.kInfeasible, STATUS.kUnboundedOrInfeasible):
-            return Solution("infeasible", None, np.inf, np.inf)
+        status = self.model.getModelStatus()
+        if status == STATUS.kUnboundedOrInfeasible:
+            status = self._without_presolve()
+        if status == STATUS.kInfeasible:
+            return INFEASIBLE
+        if status == STATUS.kUnbounded:
+            return NOTHING
+        info = self.model.getInfo()
         if info.primal_solution_status != 2:
             return replace(NOTHING, bound=info.mip_dual_bound if self.is_mip else -np.inf)
         found = self.model.getSolution()
@@ -179,6 +181,14 @@ class Highs:
             value = info.objective_function_value
             return Solution("optimal" if done else "feasible", z, value, info.mip_dual_bound)
         return self._linear(z, found, done, info.objective_function_value)
+
+    def _without_presolve(self) -> Any:
+        """Presolve cannot tell unbounded from infeasible; the simplex method can."""
+        _, presolve = self.model.getOptionValue("presolve")
+        self._set({"presolve": "off"})
+        self.model.run()
+        self._set({"presolve": presolve})
+        return self.model.getModelStatus()
 
     def _linear(self, z: Floats, found: Any, done: bool, value: float) -> Solution:
         kind: Status = "optimal" if done else "feasible"
@@ -191,7 +201,7 @@ class Highs:
 
     def certified_bound(self, solution: Solution) -> float:
         """A bound that holds whatever the solver's tolerances, from its multipliers."""
-        if solution.duals is None or self._free or self._sent is None:
+        if solution.duals is None or self._late.cuts or self._sent is None:
             return solution.bound
         v = self.lowered.vectors(self._sent)
         low, high = self._sides(v)

@@ -51,6 +51,8 @@ class Pyomo:
                 "copperplate",
                 hint="use solver='scip'",
             )
+        if solver == "highs":
+            self.exact = self.exact - {"cone", "disc"}
         self.late = LeafCuts(self.problem)
         self.model: Any = None
         self._sent: Vectors | None = None

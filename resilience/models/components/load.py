@@ -13,7 +13,7 @@ right-hand side.
 | $d_l$ | `load.demand` (data) | MW |
 | $s_l$ | `load.shed` | MW |
 | $u_l$ | `load.on`, 1 where a block is served | 1 |
-| $\hat d_l$ | `p_max_mw` | MW |
+| $\hat d_l$ | twice `p_max_mw`: the most that a profile may ask for | MW |
 | $\lambda_l, w_l$ | `shed_cost_per_mwh`, `priority` | $/MWh, 1 |
 | $\varphi_l$ | from `power_factor`, lagging | 1 |
 """
@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.case.profiles import MAX_PU
 from resilience.models.algebra import Floats, Ints, Labels
 from resilience.models.components.base import Injection
 from resilience.models.situation import Situation
@@ -56,7 +57,7 @@ class Loads:
         stage.cost("load.shed", shed, price * stage.dt)
         blocks = np.flatnonzero([t.block for t in self.tables])
         if len(blocks):
-            peak = np.array([self.tables[int(i)].p_max_mw for i in blocks])
+            peak = MAX_PU * np.array([self.tables[int(i)].p_max_mw for i in blocks])
             of = [self.names[i] for i in blocks]
             on = stage.binary("load.on", of, about="whether a block is served")
             served = stage.var("load.served", of, 0.0, peak, about="demand of blocks served")

@@ -117,5 +117,5 @@ def nlp(problem: Problem, options: Options) -> Answer:
     vectors = in_one_mode(problem, start, problem.vectors)
     polished = ac_point(problem, start.point, vectors, clock.left)
     if polished.z is None:
-        raise no_plan(problem, "Ipopt", options)
+        raise no_plan(problem, "Ipopt", options, late=clock.left <= 0)
     return Answer.of(problem, polished, found.bound, [])

@@ -9,7 +9,7 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.methods.answer import Options
-from resilience.models.problem import Problem
+from resilience.models.problem import Problem, horizon
 
 SECONDS = 10.0  # for each of the two searches
 SHOWN = 8
@@ -20,24 +20,55 @@ def infeasible(problem: Problem, names: Sequence[str] = ()) -> InfeasibleError:
     return _named(problem, names or _linear_conflict(problem) or _conic_conflict(problem))
 
 
-def no_plan(problem: Problem, what: str, options: Options) -> ResilienceError:
-    """The error where `what` found nothing: infeasible if that can be proven, else out of time."""
+def no_plan(problem: Problem, what: str, options: Options, *, late: bool = True) -> ResilienceError:
+    """The error where `what` found nothing: infeasible if that can be proven, else out of time
+    (`late`), else what conflicts in the model without losses.
+    """
     names = _linear_conflict(problem)
     if names:
         return _named(problem, names)
+    if late:
+        return SolverError(
+            f"{what} found no plan within {options.time_limit:g} s",
+            hint="raise --time-limit or use --method lp",
+        )
+    lossless = horizon(problem.case, "lindistflow")
+    groups = grouped(_linear_conflict(lossless))
+    also = f"; without losses there is none, in conflict: {_shown(groups)}" if groups else ""
     return SolverError(
-        f"{what} found no plan within {options.time_limit:g} s",
-        hint="raise --time-limit or use --method lp",
+        f"{what} found no plan, though the cone relaxation has one{also}",
+        hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
     )
 
 
 def _named(problem: Problem, names: Sequence[str]) -> InfeasibleError:
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    shown = ", ".join(names[:SHOWN]) + more or "no small set of rows could be named"
     return InfeasibleError(
-        f"no plan satisfies the {problem.grid.physics} model; in conflict: {shown}",
+        f"no plan satisfies the {problem.grid.physics} model; in conflict: "
+        + _shown(grouped(names)),
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
     )
+
+
+def _shown(groups: Sequence[str]) -> str:
+    more = f" and {len(groups) - SHOWN} more" if len(groups) > SHOWN else ""
+    return ", ".join(groups[:SHOWN]) + more or "no small set of rows could be named"
+
+
+def grouped(names: Sequence[str]) -> list[str]:
+    """Names that differ only in their slot as one, bounds of devices first.
+
+    >>> grouped(["balance.p[1, 09:00]", "balance.p[1, 10:00]", "bounds of pv.p[roof, 09:00]"])
+    ['bounds of pv.p[roof, 09:00]', 'balance.p[1, 09:00 .. 10:00 (2 slots)]']
+    """
+    slots: dict[str, list[str]] = {}
+    for name in names:
+        head, _, slot = name.rstrip("]").rpartition(", ")
+        slots.setdefault(head or name, []).extend([slot] if head else [])
+    found = []
+    for head, at in slots.items():
+        when = at[0] if len(at) == 1 else f"{at[0]} .. {at[-1]} ({len(at)} slots)" if at else ""
+        found.append(f"{head}, {when}]" if at else head)
+    return sorted(found, key=lambda name: not name.startswith("bounds of"))
 
 
 def _linear_conflict(problem: Problem) -> list[str]:

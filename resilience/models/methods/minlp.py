@@ -113,7 +113,7 @@ def minlp(problem: Problem, options: Options) -> Answer:
         if search.done or (k and search.late) or not _round(search, k + 1):
             break
     if search.best.z is None:
-        raise no_plan(problem, "minlp", options)
+        raise no_plan(problem, "minlp", options, late=search.late)
     return _answer(search)
 
 

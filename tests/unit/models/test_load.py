@@ -63,3 +63,10 @@ def test_a_dead_island_sheds_everything(block: bool) -> None:
         outages=["1-2@01:00-02:00"],
     )
     assert found["load.shed"][0] == pytest.approx([0.0, 1.0])
+
+
+def test_a_block_may_ask_for_more_than_its_nominal_peak() -> None:
+    # Profiles up to 2 are allowed: 1.5 MW then 0.5 MW, all of it served.
+    block = {"p_max_mw": 1.0, "profile": "high", "shed_cost_per_mwh": 1.0, "block": True}
+    found = served([block], supply=2.0, columns={"high": [1.5, 0.5]})
+    assert found["load.shed"][0] == pytest.approx([0.0, 0.0])

@@ -120,9 +120,11 @@ def test_stages_of_a_tree_have_the_same_states() -> None:
         unroll([one, other], both)
 
 
-def test_missing_data_is_called_by_its_name() -> None:
+def test_data_that_is_missing_or_no_number_is_called_by_its_name() -> None:
     stage = Stage(1.0)
     stage.var("x", ["a"], 0.0, stage.data("cap", ["a"]))
     problem = unroll([stage], Tree.chain(["now"]))
     with pytest.raises(KeyError, match="cap"):
         problem.vectors({}, {})
+    with pytest.raises(ValueError, match="cap"):
+        problem.vectors({"cap": [np.nan]}, {})
