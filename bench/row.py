@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ def skipped(name: str, why: str) -> Row:
     return Row(name, "skipped", "", None, why)
 
 
-def timed(call: Callable[[], Any]) -> tuple[float, Any]:
+def timed(call: Callable[..., T], *arguments: Any) -> tuple[float, T]:
     """Seconds, and what the call returned."""
     began = time.perf_counter()
-    found = call()
+    found = call(*arguments)
     return time.perf_counter() - began, found

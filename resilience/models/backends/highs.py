@@ -10,15 +10,17 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from resilience.models.algebra import Floats
+from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.certificate import safe_bound
+from resilience.models.referee import row_violations
 from resilience.models.standard import Standard, Vectors
 
 ROWWISE = int(highspy.MatrixFormat.kRowwise)
 MINIMIZE = int(highspy.ObjSense.kMinimize)
 STATUS = highspy.HighsModelStatus
+EXPLAIN_S = 5.0  # s for each way of explaining what is infeasible
 
 # Measured by `python -m bench`: coefficients in pu and MW need no scaling, few pivots no steepest
 # edges. From a basis, perturbed costs and a stale factorisation cost more pivots than they save;
@@ -60,6 +62,7 @@ class Highs:
         self._extra = rows
         self._sent: Vectors | None = None
         self._late = LeafCuts(self.problem)
+        self._warm = False
         self.is_mip = bool(self.lowered.integer.any())
         self.model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
         self.model.silent()
@@ -128,8 +131,9 @@ class Highs:
     def _change(self, new: Vectors, old: Vectors) -> None:
         """Sends what differs; what `lower` added never does."""
         model = self.model
-        if not self.is_mip:
+        if not (self.is_mip or self._warm):
             self._set(WARM)
+            self._warm = True
         at = _differ(new.lower, old.lower, new.upper, old.upper)
         if len(at):
             model.changeColsBounds(len(at), at, new.lower[at], new.upper[at])
@@ -175,7 +179,7 @@ class Highs:
         if info.primal_solution_status != 2:
             return replace(NOTHING, bound=info.mip_dual_bound if self.is_mip else -np.inf)
         found = self.model.getSolution()
-        z = np.asarray(found.col_value)[: self.problem.n_columns]
+        z = _array(found.col_value)[: self.problem.n_columns]
         done = status == STATUS.kOptimal
         if self.is_mip:
             value = info.objective_function_value
@@ -195,9 +199,9 @@ class Highs:
         bound = value if done else -np.inf
         if not self.duals:
             return Solution(kind, z, value, bound)
-        prices = np.asarray(found.col_dual)
+        prices = _array(found.col_dual)
         start = prices[: self.problem.n_states]
-        return Solution(kind, z, value, bound, Duals(-np.asarray(found.row_dual)), start)
+        return Solution(kind, z, value, bound, Duals(-_array(found.row_dual)), start)
 
     def certified_bound(self, solution: Solution) -> float:
         """A bound that holds whatever the solver's tolerances, from its multipliers."""
@@ -208,8 +212,9 @@ class Highs:
         return safe_bound(self._matrix(), v, low, high, solution.duals.rows)
 
     def conflict(self) -> list[str]:
-        """Names of rows and columns that together admit no point; empty if there is one."""
+        """Names of rows and columns that together admit no point; empty if none were found soon."""
         self.model.setOptionValue("iis_strategy", 2)
+        self.model.setOptionValue("iis_time_limit", EXPLAIN_S)
         _, iis = self.model.getIis()
         n = self.problem.n_rows
         rows = [self.problem.row_name(i) for i in iis.row_index_ if i < n]
@@ -218,6 +223,20 @@ class Highs:
         bounds = [f"bounds of {self.problem.column_name(j)}" for j in columns]
         return rows + ([f"{len(others)} rating or mode rows"] if others else []) + bounds
 
+    def missed(self, rows: Ints, most: int = 12) -> list[str]:
+        """Names of those of `rows` that have to be missed for all others to hold, worst first."""
+        penalty = np.full(self._matrix().shape[0], -1.0)
+        penalty[rows] = 1.0
+        self.model.setOptionValue("time_limit", self.model.getRunTime() + EXPLAIN_S)
+        self.model.setOptionValue("mip_rel_gap", 0.5)
+        self.model.feasibilityRelaxation(-1.0, -1.0, 1.0, None, None, penalty)
+        z = _array(self.model.getSolution().col_value)[: self.problem.n_columns]
+        if self._sent is None or len(z) < self.problem.n_columns:
+            return []
+        off = row_violations(self.problem, z, self._sent)[rows]
+        worst = [i for i in np.argsort(-off)[:most] if off[i] > 1e-6]
+        return [self.problem.row_name(int(rows[i])) for i in worst]
+
 
 def _differ(new: Floats, old: Floats, *more: Floats) -> NDArray[np.int32]:
     """Where new and old, or another such pair, are not the same."""
@@ -225,3 +244,7 @@ def _differ(new: Floats, old: Floats, *more: Floats) -> NDArray[np.int32]:
     if more:
         apart |= more[0] != more[1]
     return np.flatnonzero(apart).astype(np.int32)
+
+
+def _array(values: list[float]) -> Floats:
+    return np.fromiter(values, np.float64, len(values))

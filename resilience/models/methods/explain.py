@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from resilience.errors import InfeasibleError, ResilienceError, SolverError
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
@@ -11,6 +13,7 @@ from resilience.models.backends.lower import lower
 from resilience.models.methods.answer import Options
 from resilience.models.problem import Problem, horizon
 
+PHYSICAL = ("balance.p", "balance.q", "line.voltage")
 SECONDS = 10.0  # for each of the two searches
 SHOWN = 8
 
@@ -71,6 +74,16 @@ def grouped(names: Sequence[str]) -> list[str]:
     return sorted(found, key=lambda name: not name.startswith("bounds of"))
 
 
+def conflict(problem: Problem, solver: Highs) -> list[str]:
+    """Names of what conflicts where `solver` found no point: rows and bounds that exclude each
+    other, or else the balances and voltages that have to be missed.
+    """
+    standard = problem.standard
+    physical = [row.name for row in standard.forms[0].stage.rows if row.name in PHYSICAL]
+    rows = np.concatenate([standard.rows(name).ravel() for name in physical])
+    return solver.conflict() or solver.missed(rows)
+
+
 def _linear_conflict(problem: Problem) -> list[str]:
     """What conflicts without the cones: all relaxed, else with integers and modes held."""
     standard = problem.standard
@@ -79,7 +92,7 @@ def _linear_conflict(problem: Problem) -> list[str]:
         solver = Highs(lowered, time_limit=SECONDS)
         solver.update(problem.vectors)
         if solver.solve().status == "infeasible":
-            return solver.conflict()
+            return conflict(problem, solver)
     return []
 
 

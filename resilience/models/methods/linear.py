@@ -26,7 +26,7 @@ from resilience.models.methods.answer import (
     violated,
     widest,
 )
-from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.explain import conflict, infeasible, no_plan
 from resilience.models.methods.start import any_point, mended, switches
 from resilience.models.problem import Problem
 from resilience.models.referee import structure_violations
@@ -140,7 +140,7 @@ def _relaxed(search: Search) -> Solution:
             solver.start_from(unswitched.z)
     found = solver.solve()
     if found.status == "infeasible":
-        raise infeasible(problem, solver.conflict())
+        raise infeasible(problem, conflict(problem, solver))
     bound = found.bound if solver.is_mip else solver.certified_bound(found)
     search.bound = max(search.bound, bound)
     if found.z is None and solver.is_mip:

@@ -2,7 +2,8 @@
 
 Outer approximation (Duran & Grossmann 1986) of the branch-flow model:
 
-1. SOCP with all binaries relaxed: the first bound, and tangents of all cones at its point.
+1. SOCP with all binaries relaxed: the first bound, and tangents of all cones at its point. Without
+   cones, any commitment at all: a first plan.
 2. MILP over the tangents so far, integers exact, cones relaxed: a commitment, and its dual bound is
    a bound for every commitment that was not cut off.
 3. Commitment fixed: SOCP, and Ipopt from its point where a cone stayed open: a plan.
@@ -107,7 +108,11 @@ def minlp(problem: Problem, options: Options) -> Answer:
     first = root(problem, options)
     search.bound = first.bound
     search.rows.append(tangents(problem.standard, first.point))
-    if not fractional(problem.standard, first.point).any():
+    if fractional(problem.standard, first.point).any():
+        with phase("commitment", "any"):
+            start = any_point(problem, lower(problem.standard, exact={}, discs="outer"))
+        _try(search, start)
+    else:
         _plan(search, first, rounded(problem, first.point), first.point)
     for k in range(ROUNDS):
         if search.done or (k and search.late) or not _round(search, k + 1):
@@ -119,45 +124,51 @@ def minlp(problem: Problem, options: Options) -> Answer:
 
 def _round(search: Search, k: int) -> bool:
     """One MILP and one plan; False when nothing new can come."""
-    problem, standard = search.problem, search.problem.standard
-    if not standard.integer.any() and not search.modes:
+    if not search.problem.standard.integer.any() and not search.modes:
         return False
+    before = search.bound
     with phase("commitment", f"round {k}, gap {100 * search.gap:.2f} %"):
         master = _commitment(search)
-    if master.status == "infeasible" and search.floor == np.inf:
-        raise infeasible(problem)
-    before = search.bound, search.best.objective
     search.learn(master.bound)
-    if master.z is None or search.done:
-        return False
-    search.rows.append(tangents(standard, master.point))
-    vectors = rounded(problem, master.point)
-    with phase("conic program", f"round {k}"):
-        found = relaxation(problem, vectors)
-    if found.z is not None:
-        search.rows.append(tangents(standard, found.point))
-        _plan(search, found, vectors, master.point)
-    if search.best.objective < before[1] - 1e-9 * abs(before[1]):
+    if not search.done and _try(search, master):
         return True
-    if standard.integer.any():
-        search.exclude(master.point, found.bound)
-        return True
-    return search.bound > before[0] + 1e-9 * abs(before[0])
+    return search.bound > before + 1e-9 * abs(before)
 
 
 def _commitment(search: Search) -> Solution:
-    """The MILP's point and bound; where time ends before it has a point, any that is feasible."""
-    standard = search.problem.standard
-    lowered = lower(standard, exact=search.modes, discs="outer")
+    """The MILP over all tangents so far: its point, and a bound for what is not cut off."""
+    lowered = lower(search.problem.standard, exact=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
     h = np.concatenate([right for _, right in search.rows])
     seconds = max(SHARE * search.clock.left, 1.0)
     solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
     solver.update(search.problem.vectors)
-    found = solver.solve()
-    if found.status == "none" and search.best.z is None:
-        return replace(any_point(search.problem, lowered), bound=found.bound)
-    return found
+    return solver.solve()
+
+
+def _try(search: Search, master: Solution) -> bool:
+    """The plan for one commitment; False when there is none to try, or it cannot be cut off.
+
+    One that is no better than the best plan is cut off, whatever its relaxation still promises: it
+    has been tried, and its bound stays in force.
+    """
+    problem, standard, before = search.problem, search.problem.standard, search.best.objective
+    if master.status == "infeasible" and search.floor == np.inf:
+        raise infeasible(problem)
+    if master.z is None:
+        return False
+    search.rows.append(tangents(standard, master.point))
+    vectors = rounded(problem, master.point)
+    with phase("conic program"):
+        found = relaxation(problem, vectors)
+    if found.z is not None:
+        search.rows.append(tangents(standard, found.point))
+        _plan(search, found, vectors, master.point)
+    if search.best.objective < before - 1e-9 * abs(before):
+        return True
+    if standard.integer.any():
+        search.exclude(master.point, found.bound)
+    return bool(standard.integer.any())
 
 
 def _plan(search: Search, found: Solution, vectors: Vectors, z: Floats) -> None:

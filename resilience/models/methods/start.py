@@ -25,10 +25,15 @@ FIRST = 0.2  # relative gap at which that search stops
 
 
 def any_point(problem: Problem, lowered: Lowered) -> Solution:
-    """A point that holds what is lowered, found soon rather than good; no bound."""
+    """A point that holds what is lowered, found soon rather than good; no bound.
+
+    Its status is infeasible where that is proven, which a held topology never can.
+    """
     solver = Highs(lowered, time_limit=LEAST, gap=FIRST)
     solver.update(mended(problem) if switches(problem) else problem.vectors)
     found = solver.solve()
+    if found.status == "infeasible" and not switches(problem):
+        return found
     status: Status = "none" if found.z is None else "feasible"
     return replace(found, status=status, bound=-np.inf)
 
