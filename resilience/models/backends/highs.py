@@ -224,7 +224,7 @@ class Highs:
         return rows + ([f"{len(others)} rating or mode rows"] if others else []) + bounds
 
     def missed(self, rows: Ints, most: int = 12) -> list[str]:
-        """Names of those of `rows` that have to be missed for all others to hold, worst first."""
+        """Names of those of `rows` that have to be missed for all others to hold, the worst few."""
         penalty = np.full(self._matrix().shape[0], -1.0)
         penalty[rows] = 1.0
         self.model.setOptionValue("time_limit", self.model.getRunTime() + EXPLAIN_S)
@@ -235,7 +235,7 @@ class Highs:
             return []
         off = row_violations(self.problem, z, self._sent)[rows]
         worst = [i for i in np.argsort(-off)[:most] if off[i] > 1e-6]
-        return [self.problem.row_name(int(rows[i])) for i in worst]
+        return [self.problem.row_name(int(rows[i])) for i in sorted(worst)]
 
 
 def _differ(new: Floats, old: Floats, *more: Floats) -> NDArray[np.int32]:

@@ -24,20 +24,19 @@ def infeasible(problem: Problem, names: Sequence[str] = ()) -> InfeasibleError:
 
 
 def no_plan(problem: Problem, what: str, options: Options, *, late: bool = True) -> ResilienceError:
-    """The error where `what` found nothing: infeasible if that can be proven, else out of time
-    (`late`), else what conflicts in the model without losses.
+    """The error where `what` found nothing: infeasible if that can be proven, else what conflicts
+    in the model without losses, else out of time (`late`).
     """
     names = _linear_conflict(problem)
     if names:
         return _named(problem, names)
-    if late:
+    lossless = grouped(_linear_conflict(horizon(problem.case, "lindistflow")))
+    also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
+    if late and not lossless:
         return SolverError(
             f"{what} found no plan within {options.time_limit:g} s",
             hint="raise --time-limit or use --method lp",
         )
-    lossless = horizon(problem.case, "lindistflow")
-    groups = grouped(_linear_conflict(lossless))
-    also = f"; without losses there is none, in conflict: {_shown(groups)}" if groups else ""
     return SolverError(
         f"{what} found no plan, though the cone relaxation has one{also}",
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
@@ -58,20 +57,28 @@ def _shown(groups: Sequence[str]) -> str:
 
 
 def grouped(names: Sequence[str]) -> list[str]:
-    """Names that differ only in their slot as one, bounds of devices first.
+    """Names that differ only in their label or slot as one, the fewest devices first.
 
-    >>> grouped(["balance.p[1, 09:00]", "balance.p[1, 10:00]", "bounds of pv.p[roof, 09:00]"])
-    ['bounds of pv.p[roof, 09:00]', 'balance.p[1, 09:00 .. 10:00 (2 slots)]']
+    >>> rows = [f"balance.p[{bus}, 09:00]" for bus in range(1, 6)]
+    >>> grouped([*rows, "bounds of pv.p[roof, 09:00]", "bounds of pv.p[roof, 10:00]"])
+    ['bounds of pv.p[roof, 09:00 .. 10:00]', 'balance.p[1 .. 5 (5), 09:00]']
     """
-    slots: dict[str, list[str]] = {}
+    slots: dict[tuple[str, str], list[str]] = {}
     for name in names:
-        head, _, slot = name.rstrip("]").rpartition(", ")
-        slots.setdefault(head or name, []).extend([slot] if head else [])
+        what, _, place = name.rstrip("]").partition("[")
+        label, _, slot = place.rpartition(", ")
+        slots.setdefault((what, label or place), []).extend([slot] if label else [])
+    alike: dict[tuple[str, str], list[str]] = {}
+    for (what, label), at in slots.items():
+        when = "" if not at else at[0] if len(at) == 1 else f"{at[0]} .. {at[-1]}"
+        alike.setdefault((what, when), []).append(label)
     found = []
-    for head, at in slots.items():
-        when = at[0] if len(at) == 1 else f"{at[0]} .. {at[-1]} ({len(at)} slots)" if at else ""
-        found.append(f"{head}, {when}]" if at else head)
-    return sorted(found, key=lambda name: not name.startswith("bounds of"))
+    for (what, when), labels in sorted(alike.items(), key=lambda item: len(item[1])):
+        many = (
+            f"{labels[0]} .. {labels[-1]} ({len(labels)})" if len(labels) > 2 else ", ".join(labels)
+        )
+        found.append(f"{what}[{many}, {when}]" if when else f"{what}[{many}]".replace("[]", ""))
+    return found
 
 
 def conflict(problem: Problem, solver: Highs) -> list[str]:
