@@ -65,8 +65,8 @@ def test_cycling_burns_what_a_full_island_must_take() -> None:
 def test_a_full_island_with_must_take_pv_has_no_plan(method: str) -> None:
     with pytest.raises(InfeasibleError) as error:
         solved(island(0.05, LOSSY), method, "copperplate")
-    assert "balance.p[1, 00:00]" in str(error.value)
-    assert "ess.dynamics[ess1, 00:00]" in str(error.value)
+    assert "balance.p[1, 00:00" in str(error.value)
+    assert "ess.dynamics[ess1, 00:00" in str(error.value)
     assert "make PV curtailable" in error.value.hint
 
 

@@ -43,6 +43,7 @@ from resilience.models.standard import Vectors
 from resilience.progress import phase
 
 ROUNDS = 20
+VIOLATED = -1e-6  # scaled room in a cone below which the MILP's point breaks it
 SHARE = 0.5  # of the time left that one MILP may take
 
 
@@ -109,9 +110,7 @@ def minlp(problem: Problem, options: Options) -> Answer:
     search.bound = first.bound
     search.rows.append(tangents(problem.standard, first.point))
     if fractional(problem.standard, first.point).any():
-        with phase("commitment", "any"):
-            start = any_point(problem, lower(problem.standard, exact={}, discs="outer"))
-        _try(search, start)
+        _start(search)
     else:
         _plan(search, first, rounded(problem, first.point), first.point)
     for k in range(ROUNDS):
@@ -120,6 +119,22 @@ def minlp(problem: Problem, options: Options) -> Answer:
     if search.best.z is None:
         raise no_plan(problem, "minlp", options, late=search.late)
     return _answer(search)
+
+
+def _start(search: Search) -> None:
+    """A first plan, from any commitment. Its tangents would slow the MILP more than they help."""
+    problem = search.problem
+    with phase("commitment", "any"):
+        chosen = any_point(problem, lower(problem.standard, exact={}, discs="outer"))
+    if chosen.status == "infeasible":
+        raise infeasible(problem)
+    if chosen.z is None:
+        return
+    vectors = rounded(problem, chosen.point)
+    with phase("conic program"):
+        found = relaxation(problem, vectors)
+    if found.z is not None:
+        _plan(search, found, vectors, chosen.point)
 
 
 def _round(search: Search, k: int) -> bool:
@@ -157,7 +172,7 @@ def _try(search: Search, master: Solution) -> bool:
         raise infeasible(problem)
     if master.z is None:
         return False
-    search.rows.append(tangents(standard, master.point))
+    search.rows.append(tangents(standard, master.point, VIOLATED))
     vectors = rounded(problem, master.point)
     with phase("conic program"):
         found = relaxation(problem, vectors)
