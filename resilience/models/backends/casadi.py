@@ -36,6 +36,7 @@ class NLP:
     """
 
     exact = frozenset({"affine", "disc", "cone", "largest"})
+    plugin = "ipopt"
 
     def __init__(
         self, problem: Standard, *, time_limit: float = np.inf, penalty: float = 0.0
@@ -75,7 +76,7 @@ class NLP:
         rows, low, high = self._constraints(ca, z, v, point, live)
         cost = ca.dot(ca.DM(v.cost + self.penalty * problem.penalty), z)
         nlp = {"x": x, "p": now, "f": cost, "g": ca.vertcat(*rows)}
-        solver = ca.nlpsol("polish", "ipopt", nlp, self._options())
+        solver = ca.nlpsol("polish", self.plugin, nlp, self._options(free))
         middle = np.clip(0.0, v.lower, v.upper) if self.start is None else self.start
         answer = solver(
             x0=middle[free],
@@ -92,7 +93,7 @@ class NLP:
         value = float(v.cost @ point + v.offset)
         return Solution("optimal", point, value, -np.inf, state_price=price)
 
-    def _options(self) -> dict[str, Any]:
+    def _options(self, free: Ints) -> dict[str, Any]:
         settings: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",

@@ -1,0 +1,63 @@
+"""Bonmin through CasADi: a cross-check of small mixed-integer AC plans, in a process of its own.
+
+Bonmin may end in an uncaught C++ error, and may not heed its own time limit; neither may take the
+caller with it. No method uses it: `minlp` has a proven bound, Bonmin has none on a nonconvex model.
+"""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resilience.models.algebra import Ints
+from resilience.models.backends.base import NOTHING, Solution
+from resilience.models.backends.casadi import NLP
+from resilience.models.standard import Standard, Vectors
+
+ALGORITHM = "B-BB"  # the others linearise, and cut off points where a cone is an equality
+
+
+class Bonmin(NLP):
+    """Holds what `NLP` holds, and integers; modes relaxed; no bound."""
+
+    exact = NLP.exact | {"integer"}
+    plugin = "bonmin"
+
+    def _options(self, free: Ints) -> dict[str, Any]:
+        settings: dict[str, Any] = {"algorithm": ALGORITHM, "print_level": 0, "bb_log_level": 0}
+        if np.isfinite(self.time_limit):
+            settings["time_limit"] = self.time_limit
+        discrete = self.problem.integer[free].tolist()
+        return {"bonmin": settings, "discrete": discrete, "print_time": False}
+
+
+def solve_apart(problem: Standard, vectors: Vectors, time_limit: float) -> Solution:
+    """Bonmin's answer, or nothing where it crashed or took longer than `time_limit` seconds."""
+    with tempfile.TemporaryDirectory() as folder:
+        asked, given = Path(folder) / "asked", Path(folder) / "given"
+        asked.write_bytes(pickle.dumps((problem, vectors, time_limit)))
+        module = "resilience.models.backends.bonmin"
+        command = [sys.executable, "-m", module, str(asked), str(given)]
+        try:
+            subprocess.run(command, timeout=time_limit + 10.0, capture_output=True, check=True)
+        except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
+            return NOTHING
+        found: Solution = pickle.loads(given.read_bytes())
+        return found
+
+
+def _main(asked: str, given: str) -> None:
+    problem, vectors, time_limit = pickle.loads(Path(asked).read_bytes())
+    solver = Bonmin(problem, time_limit=time_limit)
+    solver.update(vectors)
+    Path(given).write_bytes(pickle.dumps(solver.solve()))
+
+
+if __name__ == "__main__":
+    _main(*sys.argv[1:])
