@@ -80,14 +80,15 @@ def test_must_run_units_stop_with_their_island() -> None:
     assert found.objective == pytest.approx(0.1 + 2 * 1.5 + 0.3)
 
 
-def test_a_short_fault_lets_a_unit_return_though_its_minimum_time_was_not_over() -> None:
-    """On since 1 h of 4, out of it for the two dead hours, on again when the line is back."""
+@pytest.mark.parametrize(("min_down_h", "on"), [(1.0, [1, 0, 0, 1]), (3.0, [1, 0, 0, 0])])
+def test_a_minimum_time_up_lapses_in_a_dead_island(min_down_h: float, on: list[float]) -> None:
+    """Of 8 h it was to run, a fault leaves one. It returns with the line, but for its time off:
+    having to run and having to stand at once would leave no plan.
+    """
     unit = {"p_max_mw": 1.0, "p_min_mw": 0.5, "cost_per_mwh": 0.1, "grid_forming": False}
-    times = {"min_up_h": 4.0, "min_down_h": 1.0, "initial_on": True, "initial_hours": 1.0}
+    times = {"min_up_h": 8.0, "min_down_h": min_down_h, "initial_on": True, "initial_hours": 1.0}
     found = solved(cut_off(generator=[unit | times]), "milp")
-    assert found["generator.on"][0] == pytest.approx([1, 0, 0, 1])
-    lasting = cut_off(generator=[unit | times | {"min_down_h": 3.0}])
-    assert solved(lasting, "milp")["generator.on"][0] == pytest.approx([1, 0, 0, 0])
+    assert found["generator.on"][0] == pytest.approx(on)
 
 
 FORMING = [

@@ -169,3 +169,18 @@ def test_a_mended_topology_is_a_forest_close_to_the_one_before(name: str) -> Non
     up = problem.data["line.up"][network.switchable] > 0.5
     opened = (before & up & (z[at] < 0.5)).sum(0)
     assert opened.max() <= (1 if name == "ring" else 0)
+
+
+def test_mending_closes_no_tie_between_two_sources() -> None:
+    """Storage at bus 2, the grid at bus 1 and an open tie between them: nobody needs it."""
+    case = small(
+        slots=1,
+        buses=2,
+        lines=[(1, 2, *Z)],
+        about=[{"name": "1-2", "switchable": True}],
+        grid=[GRID],
+        ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 1.0}],
+    )
+    case.source["network"]["line"][0]["in_service"] = False
+    problem = horizon(case.replace(description="the tie is open at the start"))
+    assert mended(problem).upper[problem.standard.columns("line.closed")].sum() == 0.0

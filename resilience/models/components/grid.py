@@ -4,7 +4,8 @@ $$ p = p^\text{imp} - p^\text{exp}, \qquad p^\text{imp} p^\text{exp} = 0, \qquad
 C = \Delta t \sum \left(c^\text{imp} p^\text{imp} + c^\text{exp} p^\text{exp}\right) $$
 
 The paper charges $\lambda |P^\text{grid}|$: both prices equal. A negative
-`export_cost_per_mwh` is what the grid pays.
+`export_cost_per_mwh` is what the grid pays. A `tariff` makes $c^\text{imp}$ depend on the time of
+day.
 
 | symbol | name | unit |
 |---|---|---|
@@ -16,7 +17,7 @@ The paper charges $\lambda |P^\text{grid}|$: both prices equal. A negative
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -76,17 +77,19 @@ class Grids:
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Limits (zero in a dead island) and prices."""
         alive = situation.alive_at(self.bus)
-        shape = np.array([situation.profile(t.price_profile) for t in self.tables])
-        shape = shape.reshape(len(self.tables), situation.n)
 
         def column(key: str) -> Floats:
             return np.array([getattr(t, key) for t in self.tables], float)[:, None]
 
+        def price(ways: Iterable[tuple[float, str | None]]) -> Floats:
+            rows = [factor * situation.profile(name) for factor, name in ways]
+            return np.array(rows, float).reshape(len(self.tables), situation.n)
+
         return {
             "grid.import_max": column("import_max_mw") * alive,
             "grid.export_max": column("export_max_mw") * alive,
-            "grid.import_price": column("import_cost_per_mwh") * shape,
-            "grid.export_price": column("export_cost_per_mwh") * shape,
+            "grid.import_price": price(t.import_price for t in self.tables),
+            "grid.export_price": price(t.export_price for t in self.tables),
             "grid.q_max": self.q_max_mvar[:, None] * alive,
         }
 

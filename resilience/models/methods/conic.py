@@ -16,12 +16,12 @@ from resilience.models.methods.answer import (
     widest,
 )
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.start import LEAST
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
 from resilience.progress import phase
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
-LEAST = 5.0  # s that Ipopt gets even when time is up: a plan is worth more than punctuality
 
 
 def root(problem: Problem, options: Options) -> Solution:

@@ -103,10 +103,12 @@ def _round(search: Search) -> bool:
     if found.z is None:
         return False
     search.offer(_plan(search, found))
-    broken = violated(standard, found.z)
-    for k, elements in broken.items():
-        search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
-    return bool(broken) and not search.done
+    new = False
+    for k, elements in violated(standard, found.z).items():
+        held = search.modes.get(k, np.zeros(len(elements), bool))
+        new |= bool((elements & ~held).any())
+        search.modes[k] = held | elements
+    return new and not search.done
 
 
 def _scip(search: Search, solver: Pyomo) -> Solution:

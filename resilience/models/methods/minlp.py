@@ -82,6 +82,11 @@ class Search:
         """Whether time is up."""
         return self.clock.left <= 0
 
+    @property
+    def held(self) -> int:
+        """How many modes have binaries."""
+        return sum(int(elements.sum()) for elements in self.modes.values())
+
     def learn(self, bound: float) -> None:
         """Takes a bound for all commitments that are not cut off."""
         self.bound = max(self.bound, min(bound, self.floor))
@@ -162,13 +167,14 @@ def _commitment(search: Search) -> Solution:
 
 
 def _try(search: Search, master: Solution) -> bool:
-    """The plan for one commitment; False when there is none to try, or it cannot be cut off.
+    """The plan for one commitment; False when there is none to try, or nothing came of it.
 
-    One that is no better than the best plan is cut off, whatever its relaxation still promises: it
-    has been tried, and its bound stays in force.
+    One that is no better than the best plan and asks for no more modes is cut off, whatever its
+    relaxation still promises: it has been tried, and its bound stays in force.
     """
-    problem, standard, before = search.problem, search.problem.standard, search.best.objective
-    if master.status == "infeasible" and search.floor == np.inf:
+    problem, standard = search.problem, search.problem.standard
+    before, held = search.best.objective, search.held
+    if master.status == "infeasible" and search.floor == np.inf and search.best.z is None:
         raise infeasible(problem)
     if master.z is None:
         return False
@@ -179,7 +185,7 @@ def _try(search: Search, master: Solution) -> bool:
     if found.z is not None:
         search.rows.append(tangents(standard, found.point))
         _plan(search, found, vectors, master.point)
-    if search.best.objective < before - 1e-9 * abs(before):
+    if search.best.objective < before - 1e-9 * abs(before) or search.held > held:
         return True
     if standard.integer.any():
         search.exclude(master.point, found.bound)

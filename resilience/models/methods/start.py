@@ -14,14 +14,13 @@ from resilience.models.network import Bools
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
 
+LEAST = 5.0  # s that a method takes when time is up and it has nothing to show
+FIRST = 0.2  # relative gap at which that search stops
+
 
 def switches(problem: Problem) -> bool:
     """Whether the problem has lines whose status it may choose."""
     return problem.standard.has("line.closed")
-
-
-LEAST = 5.0  # s that a method takes when time is up and it has nothing to show
-FIRST = 0.2  # relative gap at which that search stops
 
 
 def any_point(problem: Problem, lowered: Lowered) -> Solution:
