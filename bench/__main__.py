@@ -1,7 +1,7 @@
 """Measures everything and prints one table; exit code 1 if a target is missed.
 
 python -m bench              everything, about four minutes
-python -m bench build day    some of it: help, build, resolve, day, main, growth
+python -m bench build day    some of it: help, build, resolve, day, main, growth, flows
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from rich.table import Table
 from bench.growth import growing
 from bench.linear import building, resolving
 from bench.plans import day, help_text, main_job
+from bench.powerflow import flows
 from bench.row import Row
 
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {
@@ -27,8 +28,18 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "day": day,
     "main": main_job,
     "growth": growing,
+    "flows": flows,
 }
-LIBRARIES = ("highspy", "pyomo", "cvxpy", "clarabel", "casadi", "numpy", "scipy")
+LIBRARIES = (
+    "highspy",
+    "pyomo",
+    "cvxpy",
+    "clarabel",
+    "casadi",
+    "numpy",
+    "scipy",
+    "power-grid-model",
+)
 
 
 def main(chosen: list[str]) -> int:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network, Outage, case_names, load_case, parse_outages
+    from resilience.dispatch.evaluate import Report, compare
     from resilience.dispatch.plan import solve
     from resilience.errors import (
         CaseError,
@@ -31,6 +32,8 @@ _HOMES = {
     "case_names": "case",
     "load_case": "case",
     "parse_outages": "case",
+    "Report": "dispatch.evaluate",
+    "compare": "dispatch.evaluate",
     "solve": "dispatch.plan",
     "CaseError": "errors",
     "InfeasibleError": "errors",
@@ -49,10 +52,12 @@ __all__ = [
     "Network",
     "Outage",
     "Plan",
+    "Report",
     "ResilienceError",
     "SolverError",
     "UsageError",
     "case_names",
+    "compare",
     "load_case",
     "load_plan",
     "parse_outages",

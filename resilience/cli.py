@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from resilience import options as given
+from resilience.fragility import options as bell_options
+
 if TYPE_CHECKING:
     from rich.status import Status
 
@@ -29,12 +32,6 @@ app = typer.Typer(
 )
 case_app = typer.Typer(no_args_is_help=True, help="Make, check and look at case files.")
 app.add_typer(case_app, name="case")
-
-CaseArgument = Annotated[
-    str, typer.Argument(metavar="CASE", help="A case file, or the name of an installed case.")
-]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print every phase to stderr.")]
-
 
 QUIET_S = 2.0  # shorter work needs no progress lines where there is no terminal
 
@@ -76,36 +73,18 @@ def _progress(verbose: bool) -> Iterator[None]:
 
 @app.command()
 def solve(
-    case: CaseArgument,
-    method: Annotated[
-        str, typer.Option(help="lp, milp, socp, nlp, minlp or exact.", metavar="METHOD")
-    ] = "minlp",
-    physics: Annotated[
-        str | None,
-        typer.Option(help="copperplate, lindistflow or distflow; the method's own if omitted."),
-    ] = None,
-    outages: Annotated[
-        str | None,
-        typer.Option(
-            help='"6-26@14:00-17:30, ...", a CSV file, or none; the case\'s own if omitted.'
-        ),
-    ] = None,
-    time_limit: Annotated[float, typer.Option(help="Seconds for the search.", min=0.0)] = 60.0,
-    gap: Annotated[float, typer.Option(help="Relative gap to stop at.", min=0.0)] = 1e-3,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for tables, summary.json and the case as solved."),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(help="Picture of the plan: a .png, .pdf or .svg file."),
-    ] = None,
-    export: Annotated[
-        Path | None,
-        typer.Option(help="Also write the model: a .lp, .mps or .nl file."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
-    verbose: Verbose = False,
+    case: given.CaseName,
+    method: given.Method = "minlp",
+    physics: given.Physics = None,
+    outages: given.Outages = None,
+    seed: given.BellSeed = None,
+    time_limit: given.TimeLimit = 60.0,
+    gap: given.Gap = 1e-3,
+    out: given.Folder = None,
+    plot: given.Picture = None,
+    export: given.Export = None,
+    as_json: given.AsJson = False,
+    verbose: given.Verbose = False,
 ) -> None:
     """Find the best plan for a case, with a proven bound and an audit."""
     from resilience import plot_plan
@@ -120,6 +99,7 @@ def solve(
             method,
             physics=physics,  # type: ignore[arg-type]
             outages=outages,
+            seed=seed,
             time_limit=time_limit,
             relative_gap=gap,
         )
@@ -145,6 +125,38 @@ def solve(
 
 
 @app.command()
+def compare(
+    case: given.CaseName,
+    methods: given.Methods = "rule,mpc-blind,mpc,stochastic",
+    days: given.Days = 16,
+    draws: given.Draws = 8,
+    seed: given.Seed = 0,
+    end_value: given.EndValue = None,
+    out: given.ReportFolder = None,
+    as_json: given.AsJson = False,
+    verbose: given.Verbose = False,
+) -> None:
+    """Judge dispatchers on the same storms, against the clairvoyant optimum."""
+    from resilience import compare as judge
+
+    names = [name.strip() for name in methods.split(",") if name.strip()]
+    with _progress(verbose):
+        report = judge(case, names, days=days, draws=draws, seed=seed, end_value_per_mwh=end_value)
+    if out is not None:
+        report.save(out)
+    if as_json:
+        typer.echo(json.dumps(report.summary(), indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.report import print_report
+
+    print_report(report, Console())
+    if out is not None:
+        typer.echo(f"report: {out}")
+
+
+@app.command()
 def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A folder written by --out.")],
     out: Annotated[
@@ -158,6 +170,69 @@ def plot(
     target = out or run / "plan.png"
     plot_plan(load_plan(run), target)
     typer.echo(str(target))
+
+
+@app.command()
+def scenarios(
+    case: given.CaseName,
+    n: Annotated[int, typer.Option("-n", help="How many.")] = 200,
+    seed: Annotated[int, typer.Option(help="The same seed draws the same scenarios.")] = 0,
+    days: Annotated[
+        int | None, typer.Option(help="Whole days from the start; the case's horizon if omitted.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="File to write: .npz keeps everything, .csv the outages.")
+    ] = None,
+    probability: bell_options.Probability = None,
+    height: bell_options.Height = None,
+    sigma_slots: bell_options.SigmaSlots = None,
+    duration_slots: bell_options.DurationSlots = None,
+    shift_slots: bell_options.ShiftSlots = None,
+    shared_shift: bell_options.SharedShift = None,
+    common_draw: bell_options.CommonDraw = None,
+    refail: bell_options.Refail = None,
+    wrap: bell_options.Wrap = None,
+    overnight: bell_options.Overnight = None,
+    centre: bell_options.Centre = None,
+    centre_error_slots: bell_options.CentreErrorSlots = None,
+    rate: bell_options.Rate = None,
+    as_json: given.AsJson = False,
+) -> None:
+    """Draw storms: which line is down when. What is not given here is the case's own."""
+    from rich.console import Console
+
+    from resilience import load_case
+    from resilience.fragility import case_bell, print_scenarios, sample_bell, summary
+    from resilience.fragility.files import check_suffix
+
+    if out is not None:
+        check_suffix(out)
+    found = load_case(case)
+    bell = case_bell(
+        found,
+        probability=probability,
+        height=height,
+        sigma_slots=sigma_slots,
+        duration_slots=duration_slots,
+        shift_slots=shift_slots,
+        shared_shift=shared_shift,
+        common_draw=common_draw,
+        refail=refail,
+        wrap=wrap,
+        overnight=overnight,
+        centres=tuple(centre) if centre else None,
+        centre_error_slots=centre_error_slots,
+        rate=rate,
+    )
+    drawn = sample_bell(found, bell, n, seed, days=days)
+    if out is not None:
+        drawn.save(out)
+    if as_json:
+        typer.echo(json.dumps(summary(drawn, found), indent=2, allow_nan=False))
+        return
+    print_scenarios(drawn, found, Console())
+    if out is not None:
+        typer.echo(f"scenarios: {out}")
 
 
 @case_app.command()
@@ -190,7 +265,7 @@ def new(
 
 
 @case_app.command()
-def check(case: CaseArgument) -> None:
+def check(case: given.CaseName) -> None:
     """Read a case and report every mistake in it at once."""
     from resilience import load_case
 
@@ -199,7 +274,7 @@ def check(case: CaseArgument) -> None:
 
 
 @case_app.command()
-def show(case: CaseArgument) -> None:
+def show(case: given.CaseName) -> None:
     """Print what a case holds: network, devices, horizon, outages, islands."""
     from rich.console import Console
 

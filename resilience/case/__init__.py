@@ -14,6 +14,7 @@ from resilience.case.schema import (
     GeneratorTable,
     GridTable,
     LoadTable,
+    OutageTable,
     PVTable,
     case_schema,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "LoadTable",
     "Network",
     "Outage",
+    "OutageTable",
     "PVTable",
     "case_names",
     "case_schema",

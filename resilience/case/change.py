@@ -24,7 +24,7 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     """Return a changed copy of a case; see `Case.replace`."""
     from resilience.case.load import build_case
 
-    known = {*_HORIZON, *_HEAD, *DEVICES, "profiles", "outages"}
+    known = {*_HORIZON, *_HEAD, *DEVICES, "profiles", "outages", "outage"}
     for key in changes.keys() - known:
         hint = "it can replace " + ", ".join(sorted(known))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
@@ -34,6 +34,8 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     for kind in DEVICES.keys() & changes.keys():
         data[kind] = [plain(table) for table in changes[kind]]
         data.get("defaults", {}).pop(kind, None)
+    if "outage" in changes:
+        data["outage"] = plain(changes["outage"])
     if "profiles" in changes:
         columns = {name: [float(v) for v in values] for name, values in changes["profiles"].items()}
         data["profiles"] = {"columns": columns}

@@ -6,11 +6,13 @@ from collections import defaultdict
 
 import numpy as np
 
+from resilience.case.document import entry_name
 from resilience.case.network import Network
 from resilience.case.parts import Parts
 from resilience.case.plausible import check_units
 from resilience.case.rules import broken_rules
 from resilience.case.tables import show
+from resilience.case.tariff import wrong_tariff
 
 
 def check_parts(parts: Parts) -> None:
@@ -19,6 +21,7 @@ def check_parts(parts: Parts) -> None:
         for key, *rest in broken_rules(kind, device):
             parts.document.add((kind, str(device.name), key), title, key, *rest)
     _check_names(parts)
+    _check_prices(parts)
     _check_forming(parts)
     if parts.network is not None:
         _check_lines(parts, parts.network)
@@ -46,6 +49,31 @@ def _check_names(parts: Parts) -> None:
             hint = "put all keys of a line into one [[line]] table"
             parts.document.add(("line", line.name), title, "name", "a second table", "one", hint)
         seen.add(line.name)
+
+
+def _check_prices(parts: Parts) -> None:
+    """Check tariffs, and that imports have a price at all."""
+    for grid, title in parts.devices.get("grid", []):
+        name = str(grid.name)
+        raw = _given(parts, "grid", name)
+        for key, *rest in wrong_tariff(grid.tariff or ()) if grid.tariff is not None else ():
+            parts.document.add(("grid", name, "tariff"), title, key, *rest)
+        if raw.isdisjoint(("tariff", "import_cost_per_mwh")):
+            key, hint = "import_cost_per_mwh", "add import_cost_per_mwh = ..., or tariff = ..."
+            parts.document.add(("grid", name, key), title, key, "nothing", "a value", hint)
+        if grid.export_tariff_factor is not None and "tariff" not in raw:
+            key, found = "export_tariff_factor", f"{grid.export_tariff_factor:g}"
+            hint = "add tariff = ..., or set export_cost_per_mwh in its place"
+            where = ("grid", name, key)
+            parts.document.add(where, title, key, found, "a multiple of a tariff", hint)
+
+
+def _given(parts: Parts, kind: str, name: str) -> set[str]:
+    """Return the keys that a device has in the file, its defaults included."""
+    data = parts.document.data
+    defaults, entries = data.get("defaults", {}), data.get(kind, [])
+    own = [e for e in entries if isinstance(e, dict) and entry_name(kind, e) == name]
+    return set().union(defaults.get(kind, {}) if isinstance(defaults, dict) else (), *own)
 
 
 def _check_forming(parts: Parts) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from resilience.case.network import FloatArray, Network
-from resilience.case.schema import DEVICES, ESSTable, GeneratorTable, GridTable, LoadTable, PVTable
+from resilience.case.schema import (
+    DEVICES,
+    ESSTable,
+    GeneratorTable,
+    GridTable,
+    LoadTable,
+    OutageTable,
+    PVTable,
+)
 from resilience.case.window import Window
 from resilience.errors import UsageError
 
@@ -30,8 +38,9 @@ class Case:
     """A microgrid, its horizon, and the outages to plan for.
 
     Device tables are tuples in the order of the file; powers are in MW, energies in MWh, prices
-    per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak.
-    `source` is the merged case file as plain data.
+    per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak, and a
+    grid's tariff per MWh under its `tariff_profile`. `outages` are those to plan for, `outage` is
+    the process that others are drawn from. `source` is the merged case file as plain data.
     """
 
     name: str
@@ -50,6 +59,7 @@ class Case:
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
     source: dict[str, Any]
+    outage: OutageTable = field(default_factory=OutageTable)
 
     @property
     def step_h(self) -> float:
@@ -77,6 +87,8 @@ class Case:
     def replace(self, **changes: Any) -> Case:
         """Return a copy with another horizon, other outages or other values.
 
+        Sixteen days are `case.replace(start=datetime(2016, 8, 1), slots=16 * 96)`. Files are in
+        memory after the first time, so this takes milliseconds.
         A new `start`, `slots` or `step_min` reads the profiles again and keeps outages at their
         times of day and date, as far as they fall into the new horizon. `outages` may be text, as
         in a case file. Raises `CaseError` where the result is no valid case.
@@ -87,7 +99,8 @@ class Case:
 
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""
-        plain = ("name", "description", "start", "slots", "step_min", "outages", *DEVICES)
+        horizon = ("start", "slots", "step_min")
+        plain = ("name", "description", *horizon, "outages", "outage", *DEVICES)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)
             and self.terminal_value_per_mwh == other.terminal_value_per_mwh

@@ -22,10 +22,12 @@ from resilience.case.schema import (
     HeadTable,
     LineTable,
     NetworkTable,
+    OutageTable,
     ProfilesTable,
     TimeTable,
 )
 from resilience.case.tables import read_list, read_table, show, unknown_key
+from resilience.case.tariff import tariff_profiles
 from resilience.case.window import Window
 from resilience.errors import CaseError
 
@@ -51,15 +53,14 @@ def build_case(document: Document) -> Case:
     for kind, model in DEVICES.items():
         tables = read_list(model, kind, document.data.get(kind, []), document, (kind,))
         parts.devices[kind] = [(table, title) for table, title, _ in tables]
+    outage = _read_outage(document)
     check_parts(parts)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
     if document.problems or parts.network is None or parts.window is None:
         raise CaseError(document.problems)
     path, window = document.path, parts.window
-    devices: dict[str, Any] = {
-        k: tuple(d for d, _ in entries) for k, entries in parts.devices.items()
-    }
+    devices: dict[str, Any] = {k: tuple(d for d, _ in v) for k, v in parts.devices.items()}
     return Case(
         name=head.name or (path.stem if path else "case"),
         description=head.description,
@@ -68,8 +69,9 @@ def build_case(document: Document) -> Case:
         start=window.start,
         slots=window.slots,
         step_min=window.step_min,
-        profiles=profiles,
+        profiles=profiles | tariff_profiles(devices["grid"], profiles, window),
         outages=outages,
+        outage=outage,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
         source=document.data,
         **devices,
@@ -84,6 +86,16 @@ def _read_head(document: Document) -> HeadTable:
     defaults = document.data.get("defaults", {})
     read_table(DefaultsTable, defaults, document, "[defaults]", ("defaults",))
     return head
+
+
+def _read_outage(document: Document) -> OutageTable:
+    raw = document.data.get("outage", {})
+    table, sound = read_table(OutageTable, raw, document, "[outage]", ("outage",))
+    if sound and table.duration_slots[0] > table.duration_slots[1]:
+        found, allowed = show(list(table.duration_slots)), "[shortest, longest]"
+        where, hint = ("outage", "duration_slots"), "swap the two numbers"
+        document.add(where, "[outage]", "duration_slots", found, allowed, hint)
+    return table
 
 
 def _required(document: Document, key: str, hint: str) -> dict[str, Any] | None:

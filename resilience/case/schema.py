@@ -184,12 +184,29 @@ class GridTable(DeviceTable):
     name: Name = Field("grid", description="unique name of the connection")
     import_max_mw: NonNegative = Field(description="greatest import, MW")
     export_max_mw: NonNegative = Field(0.0, description="greatest export, MW")
-    import_cost_per_mwh: float = Field(description="price paid per MWh imported")
+    tariff: (
+        Annotated[
+            tuple[Annotated[tuple[str, float], Field(strict=False)], ...], Field(strict=False)
+        ]
+        | None
+    ) = Field(
+        None,
+        description='[["00:00", 0.1], ["06:00", 0.3], ...]: time of day from which a price per '
+        "MWh imported holds, every day alike; replaces import_cost_per_mwh",
+    )
+    import_cost_per_mwh: float | None = Field(
+        None, description="price paid per MWh imported; needed where there is no tariff"
+    )
     export_cost_per_mwh: float = Field(
         0.0, description="price paid per MWh exported; negative: earned"
     )
+    export_tariff_factor: float | None = Field(
+        None,
+        description="price per MWh exported as a multiple of the tariff: 1 is paid as imports "
+        "are, -1 earns it; replaces export_cost_per_mwh",
+    )
     price_profile: str | None = Field(
-        None, description="profile column that multiplies both prices"
+        None, description="profile column that multiplies all prices, the tariff too"
     )
     q_max_mvar: NonNegative = Field(
         default_factory=lambda data: data.get("import_max_mw", 0.0),
@@ -197,6 +214,67 @@ class GridTable(DeviceTable):
     )
     v_pu: Positive = Field(1.0, description="voltage it holds at its bus, pu")
     grid_forming: bool = Field(True, description="true: carries whatever is connected to it")
+
+    @property
+    def tariff_profile(self) -> str | None:
+        """Name of the profile of the case that holds the tariff, per MWh; `None` without one."""
+        return None if self.tariff is None else f"tariff of {self.name}"
+
+    @property
+    def import_price(self) -> tuple[float, str | None]:
+        """Price per MWh imported, as a factor and the profile that it multiplies."""
+        if self.tariff is not None:
+            return 1.0, self.tariff_profile
+        return self.import_cost_per_mwh or 0.0, self.price_profile
+
+    @property
+    def export_price(self) -> tuple[float, str | None]:
+        """Price per MWh exported, as a factor and the profile that it multiplies."""
+        if self.export_tariff_factor is not None:
+            return self.export_tariff_factor, self.tariff_profile
+        return self.export_cost_per_mwh, self.price_profile
+
+
+class OutageTable(Table):
+    """`[outage]`: how storms break the lines marked `breakpoint`, where outages are drawn."""
+
+    probability: float = Field(
+        0.8, ge=0, lt=1, description="of an outage of a line on a day, the bell not cut by midnight"
+    )
+    height: float | None = Field(
+        None, ge=0, lt=1, description="of the bell, as a probability per slot; replaces probability"
+    )
+    sigma_slots: Positive = Field(4.0, description="width of the bell, in slots of 15 minutes")
+    duration_slots: Annotated[
+        tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]], Field(strict=False)
+    ] = Field(
+        (12, 15), description="[shortest, longest] outage, in slots of 15 minutes, both included"
+    )
+    shift_slots: int = Field(
+        3, ge=0, description="breakpoints after the first peak up to so many slots sooner or later"
+    )
+    shared_shift: bool = Field(False, description="true: all of them are shifted alike")
+    common_draw: bool = Field(
+        False, description="true: one random number per slot for all lines, not one each"
+    )
+    refail: bool = Field(False, description="true: a line may fail again on the same day")
+    wrap: bool = Field(
+        False, description="true: what midnight cuts off the bell appears at the day's other end"
+    )
+    overnight: bool = Field(
+        False, description="true: an outage runs on past midnight; false: it ends with its day"
+    )
+    centres: Annotated[tuple[Annotated[int, Field(ge=0, lt=96)], ...], Field(strict=False)] = Field(
+        (),
+        description="slots of 15 minutes at which the hazard may peak, all equally likely; "
+        "empty: the whole day",
+    )
+    centre_error_slots: int = Field(
+        0, ge=0, description="the centre is forecast with an error of up to so many slots"
+    )
+    rate: bool = Field(
+        False, description="true: the bell is a rate per hour, so that the step does not matter"
+    )
 
 
 class DefaultsTable(Table):
@@ -226,6 +304,7 @@ class CaseTable(HeadTable):
     line: tuple[LineTable, ...] = Field((), strict=False)
     time: TimeTable
     profiles: ProfilesTable = Field(default_factory=ProfilesTable)
+    outage: OutageTable = Field(default_factory=OutageTable)
     defaults: DefaultsTable = Field(default_factory=DefaultsTable)
     load: tuple[LoadTable, ...] = Field((), strict=False)
     pv: tuple[PVTable, ...] = Field((), strict=False)

@@ -67,6 +67,8 @@ def read_table(
         for error in errors.errors(include_url=False):
             key = str(error["loc"][0])
             bad.add(key)
+            if error["type"] == "default_factory_not_called":
+                continue  # it follows from another key, whose mistake is noted
             document.add((*where, key), table, *_describe(model, error, raw))
         return _partial(model, raw, bad), False
 

@@ -29,11 +29,13 @@ def case_text(case: Case) -> str:
         "network": case.source["network"],
         "line": case.source.get("line", []),
         "time": {"start": case.start, "slots": case.slots, "step_min": case.step_min},
+        "outage": plain(case.outage),
     }
     for kind in DEVICES:
         data[kind] = [plain(device) for device in getattr(case, kind)]
     text = tomli_w.dumps({key: value for key, value in data.items() if value != []})
-    columns = [_column(name, values) for name, values in case.profiles.items()]
+    made = {grid.tariff_profile for grid in case.grid}
+    columns = [_column(name, v) for name, v in case.profiles.items() if name not in made]
     return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text
 
 

@@ -9,10 +9,11 @@ from typing import cast
 
 import numpy as np
 
-from resilience.case import Case, load_case, parse_outages
+from resilience.case import Case, load_case
 from resilience.case.schema import DeviceTable
 from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
+from resilience.fragility.outages import outages_from
 from resilience.models.algebra import Floats
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
@@ -30,6 +31,7 @@ def solve(
     *,
     physics: Physics | None = None,
     outages: str | Path | None = None,
+    seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float = 1e-3,
 ) -> Plan:
@@ -39,7 +41,9 @@ def solve(
         case: a case, its file, or the name of an installed one.
         method: lp, milp, socp, nlp, minlp or exact.
         physics: copperplate, lindistflow or distflow; the method's own if omitted.
-        outages: `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's own if omitted.
+        outages: `"6-26@14:00-17:30, ..."`, a CSV file, `"bell"` for one draw of the
+            process that the case's `[outage]` describes, or `"none"`; the case's own if omitted.
+        seed: of the draw; 0 if omitted.
         time_limit: seconds for the search; the best plan found is returned.
         relative_gap: gap at which the search may stop.
 
@@ -57,8 +61,8 @@ def solve(
     with stopwatch() as seconds:
         with phase("case"):
             case = case if isinstance(case, Case) else load_case(case)
-            if outages is not None:
-                case = case.replace(outages=parse_outages(outages, case))
+            if outages is not None or seed is not None:
+                case = case.replace(outages=outages_from(outages, case, seed))
         find, usual = METHODS[method]
         with phase("model"):
             problem = horizon(case, physics or usual)

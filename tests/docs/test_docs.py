@@ -15,7 +15,9 @@ PAGES = (
     "guide/first-feeder",
     "concepts/model",
     "concepts/exactness",
-    pytest.param("concepts/methods", marks=pytest.mark.slow),  # a commitment takes a minute
+    "concepts/methods",
+    "concepts/scenarios",
+    "concepts/dispatchers",
 )
 COMPONENTS = (ROOT / "resilience" / "models" / "components").glob("*.py")
 GENERATED = {

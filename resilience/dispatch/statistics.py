@@ -1,0 +1,298 @@
+r"""Who is better, by how much, and is that luck: statistics of dispatchers on the same storms.
+
+Costs are $ per episode, one value per episode or member; every dispatcher saw the same ones. Of
+those, `bound` is the clairvoyant's cost and `rule09` that of the rule that keeps storage at 0.9.
+
+$$ \text{CVaR}_\alpha(X) = \min_\eta \; \eta + \frac{\mathbb{E}[(X - \eta)^+]}{1 - \alpha}, \qquad
+   \text{score} = \frac{\text{rule09} - \text{cost}}{\text{rule09} - \text{bound}} $$
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resilience.dispatch.metrics import Floats, weights
+from resilience.errors import UsageError
+
+TRIVIAL_SHARE = 0.01
+"""Below this room between rule 0.9 and the bound, no ranking means anything."""
+NOTHING = 1e-9
+"""A difference this small, relative to the cost, is a solver's rounding."""
+
+
+@dataclass(frozen=True)
+class CostSummary:
+    """Costs of one dispatcher over the episodes.
+
+    Attributes:
+        mean_cost: $ per episode.
+        interquartile_mean_cost: mean of the middle half, $.
+        cvar_95_cost: mean of the worst 5 %, $.
+        worst_cost: the dearest episode, $.
+    """
+
+    mean_cost: float
+    interquartile_mean_cost: float
+    cvar_95_cost: float
+    worst_cost: float
+
+
+@dataclass(frozen=True)
+class MeanInterval:
+    """A mean and its bootstrap confidence interval, in the unit of the values.
+
+    Attributes:
+        mean: mean of the values.
+        low: lower end.
+        high: upper end.
+        confidence: probability that such an interval covers the true mean.
+        n: number of values.
+    """
+
+    mean: float
+    low: float
+    high: float
+    confidence: float
+    n: int
+
+    @property
+    def excludes_zero(self) -> bool:
+        """True where the sign of the mean is not luck, at this confidence."""
+        return self.low > 0 or self.high < 0
+
+
+@dataclass(frozen=True)
+class Triviality:
+    """How much the best possible is below rule 0.9: the room in which a method can be clever.
+
+    Attributes:
+        room_share: (rule09 - bound) / |bound|.
+        trivial: room below 1 %: any ranking of methods is noise.
+    """
+
+    room_share: float
+    trivial: bool
+
+
+def summarise_costs(cost: ArrayLike) -> CostSummary:
+    """Mean, interquartile mean, CVaR-95 and worst of costs in $; episodes count alike."""
+    values = _values(cost)
+    return CostSummary(
+        mean_cost=float(values.mean()),
+        interquartile_mean_cost=interquartile_mean(values),
+        cvar_95_cost=conditional_value_at_risk(values, 0.95),
+        worst_cost=worst(values),
+    )
+
+
+def interquartile_mean(values: ArrayLike) -> float:
+    """Mean without the lowest and highest quarter (each rounded down to whole values)."""
+    from scipy.stats import trim_mean
+
+    return float(trim_mean(_values(values), 0.25))
+
+
+def value_at_risk(values: ArrayLike, alpha: float, probability: Floats | None = None) -> float:
+    """Smallest value that is not exceeded with probability `alpha` (0 <= alpha < 1).
+
+    `probability` (members,) adds up to 1; None: all equally likely.
+
+    Raises:
+        UsageError: no values, alpha outside its range, probabilities that do not fit.
+    """
+    x = _values(values)
+    if not 0 <= alpha < 1:
+        raise UsageError(f"alpha is {alpha:g}; allowed: 0 <= alpha < 1")
+    p = weights(probability, len(x))
+    likely = p > 0
+    order = np.argsort(x[likely])
+    reached = np.cumsum(p[likely][order])
+    # Sums of equal weights miss alpha by rounding: 0.1 * 9 is less than 0.9.
+    at = int(np.searchsorted(reached, alpha - 1e-12))
+    return float(x[likely][order][min(at, len(order) - 1)])
+
+
+def conditional_value_at_risk(
+    values: ArrayLike, alpha: float, probability: Floats | None = None
+) -> float:
+    """Mean of the worst 1 - `alpha` of the values; alpha = 0 is the mean.
+
+    The minimum over η is at the value at risk. Arguments and errors as for `value_at_risk`.
+    """
+    eta = value_at_risk(values, alpha, probability)
+    x = _values(values)
+    excess = np.maximum(x - eta, 0.0)
+    return eta + float(weights(probability, len(x)) @ excess) / (1.0 - alpha)
+
+
+def worst(values: ArrayLike, probability: Floats | None = None) -> float:
+    """Greatest of the values that can happen (probability above 0)."""
+    x = _values(values)
+    return float(x[weights(probability, len(x)) > 0].max())
+
+
+def mean_interval(
+    values: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    strata: ArrayLike | None = None,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+    method: Literal["BCa", "percentile"] = "BCa",
+) -> MeanInterval:
+    """Mean of values and its bootstrap interval.
+
+    Args:
+        values: one number per episode.
+        rng: source of the resamples; the same generator state gives the same interval.
+        strata: label of every value, such as its draw: each stratum is resampled by itself and
+            keeps its size. None: one stratum.
+        confidence: of the interval.
+        resamples: number of bootstrap samples.
+        method: "BCa" (corrects bias and skewness) or "percentile".
+
+    Raises:
+        UsageError: labels that do not fit, a stratum of one value, which nothing can be drawn from.
+    """
+    x = _values(values)
+    groups = _groups(x, strata)
+    mean = float(x.mean())
+    if all(np.ptp(group) <= NOTHING * max(1.0, abs(mean)) for group in groups):
+        return MeanInterval(mean, mean, mean, confidence, len(x))
+    interval = _bootstrap(groups, rng, confidence, resamples, method)
+    return MeanInterval(mean, float(interval.low), float(interval.high), confidence, len(x))
+
+
+def paired_difference(
+    cost: ArrayLike,
+    reference: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    strata: ArrayLike | None = None,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+    method: Literal["BCa", "percentile"] = "BCa",
+) -> MeanInterval:
+    """Mean of cost - reference on the same episodes, with its interval; below 0: cheaper.
+
+    Arguments and errors as for `mean_interval`; also raised where the lengths differ.
+    """
+    return mean_interval(
+        _paired(cost, reference),
+        rng,
+        strata=strata,
+        confidence=confidence,
+        resamples=resamples,
+        method=method,
+    )
+
+
+def score(cost: ArrayLike, rule09: ArrayLike, bound: ArrayLike) -> Floats:
+    """(rule09 - cost) / (rule09 - bound), elementwise: 1 is the best possible, 0 is rule 0.9.
+
+    NaN where rule 0.9 is as good as the bound: there is nothing to score.
+    """
+    cost, rule09, bound = (np.asarray(v, float) for v in (cost, rule09, bound))
+    room = rule09 - bound
+    open_ = np.abs(room) > NOTHING * np.maximum(1.0, np.abs(bound))
+    return np.where(open_, (rule09 - cost) / np.where(open_, room, 1.0), np.nan)
+
+
+def gap_to_bound(cost: ArrayLike, bound: ArrayLike) -> Floats:
+    """(cost - bound) / |bound|, elementwise: share above the best possible; NaN at bound 0."""
+    cost, bound = np.asarray(cost, float), np.asarray(bound, float)
+    base = np.abs(bound)
+    return np.where(base > 0, (cost - bound) / np.where(base > 0, base, 1.0), np.nan)
+
+
+def triviality(rule09: ArrayLike, bound: ArrayLike) -> Triviality:
+    """Triviality test of a case, from the mean costs of rule 0.9 and of the bound.
+
+    A bound of 0 leaves the room undefined (NaN); it then counts as trivial only where rule 0.9
+    costs nothing either.
+    """
+    rule, best = float(_values(rule09).mean()), float(_values(bound).mean())
+    room = float(gap_to_bound(rule, best))
+    return Triviality(room, rule <= NOTHING if np.isnan(room) else room < TRIVIAL_SHARE)
+
+
+def value_of_stochastic_solution(
+    mean_value_cost: ArrayLike, stochastic_cost: ArrayLike, probability: Floats | None = None
+) -> float:
+    """VSS in $: what the plan for the mean costs more than the stochastic one, on all scenarios."""
+    return _expected(_paired(mean_value_cost, stochastic_cost), probability)
+
+
+def value_of_perfect_information(
+    stochastic_cost: ArrayLike, clairvoyant_cost: ArrayLike, probability: Floats | None = None
+) -> float:
+    """EVPI in $: what the stochastic plan costs more than knowing the scenario beforehand."""
+    return _expected(_paired(stochastic_cost, clairvoyant_cost), probability)
+
+
+def _bootstrap(
+    groups: list[Floats], rng: np.random.Generator, confidence: float, resamples: int, method: str
+) -> Any:
+    """Confidence interval of the mean of all groups, each resampled by itself."""
+    from scipy.stats import bootstrap
+
+    total = sum(len(group) for group in groups)
+    share = [len(group) / total for group in groups]
+
+    def pooled(*samples: Floats, axis: int = -1) -> Any:
+        # BCa leaves one value out at a time: its group must keep its share in the mean.
+        return sum(s * x.mean(axis=axis) for s, x in zip(share, samples, strict=True))
+
+    return bootstrap(
+        groups,
+        pooled,
+        n_resamples=resamples,
+        confidence_level=confidence,
+        method=method,
+        vectorized=True,
+        rng=rng,
+    ).confidence_interval
+
+
+def _groups(x: Floats, strata: ArrayLike | None) -> list[Floats]:
+    """Values of every stratum."""
+    if strata is None:
+        groups = [x]
+    else:
+        label = np.asarray(strata)
+        if label.shape != x.shape:
+            raise UsageError(f"strata have the shape {label.shape}; allowed: {x.shape}")
+        groups = [x[label == each] for each in np.unique(label)]
+    if min(len(group) for group in groups) < 2:
+        raise UsageError(
+            "a stratum has 1 value; allowed: at least 2",
+            hint="take more episodes, or leave the strata out",
+        )
+    return groups
+
+
+def _paired(cost: ArrayLike, reference: ArrayLike) -> Floats:
+    a, b = _values(cost), _values(reference)
+    if a.shape != b.shape:
+        raise UsageError(
+            f"pairs of {len(a)} and {len(b)} episodes; allowed: the same episodes for both"
+        )
+    return a - b
+
+
+def _expected(values: Floats, probability: Floats | None) -> float:
+    return float(weights(probability, len(values)) @ values)
+
+
+def _values(values: ArrayLike) -> Floats:
+    x: NDArray[np.float64] = np.atleast_1d(np.asarray(values, float))
+    if x.ndim != 1 or x.size == 0 or not np.isfinite(x).all():
+        raise UsageError(
+            f"values of the shape {x.shape}; allowed: one axis, at least one value, all finite",
+            hint="leave failed episodes out of every method of the comparison",
+        )
+    return x

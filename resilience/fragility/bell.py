@@ -1,0 +1,175 @@
+r"""The paper's outage process: a bell of hazard over the day.
+
+On each day the hazard peaks in a random slot $c$,
+
+$$ p_t = p_\text{max} \exp\left(-\frac{(t - c)^2}{2 \sigma^2}\right), $$
+
+in every slot a line that has not failed yet fails with probability $p_t$, and is back after 12 to
+15 slots. Other breakpoints have the same bell, shifted by up to 3 slots. What the paper leaves open
+is a setting here, with a default. Its draw per slot depends on the step: halving the slot doubles
+the number of draws. With `rate` the same bell is a rate of failures per reference slot of 15
+minutes, $-\ln(1 - p_t)$, integrated over the slot, and the step does not matter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from resilience.errors import UsageError
+from resilience.fragility.scenarios import Floats, Ints
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+REFERENCE_MIN = 15.0  # the paper's slot
+REFERENCE_SLOTS = 96  # of a day
+
+
+@dataclass(frozen=True)
+class Bell:
+    """The paper's outage process and its ambiguities. Slots here are slots of 15 minutes.
+
+    Attributes:
+        probability: of an outage of a line on a day whose bell is not cut off by midnight.
+        height: of the bell, as a probability per slot; replaces `probability` if given.
+        sigma_slots: width of the bell.
+        duration_slots: shortest and longest outage, both included, all lengths equally likely.
+        shift_slots: breakpoints other than the first peak up to so many slots earlier or later.
+        shared_shift: all of them are shifted alike.
+        common_draw: all lines use the same random number in a slot (comonotone), not one each.
+        refail: a line that is back may fail again on the same day.
+        wrap: the bell goes round: what midnight cuts off appears at the other end of the day.
+        overnight: an outage runs on past midnight; otherwise it ends with its day.
+        centres: the slots of the day in which the hazard may peak, equally likely; all if empty.
+        centre_error_slots: the centre is forecast with an error of up to so many slots.
+        rate: integrate the bell as a rate per hour, so that the step does not matter.
+
+    Raises:
+        UsageError: a value out of range; all of them are listed.
+    """
+
+    probability: float = 0.8
+    height: float | None = None
+    sigma_slots: float = 4.0
+    duration_slots: tuple[int, int] = (12, 15)
+    shift_slots: int = 3
+    shared_shift: bool = False
+    common_draw: bool = False
+    refail: bool = False
+    wrap: bool = False
+    overnight: bool = False
+    centres: tuple[int, ...] = ()
+    centre_error_slots: int = 0
+    rate: bool = False
+
+    def __post_init__(self) -> None:
+        short, long = self.duration_slots
+        last = REFERENCE_SLOTS - 1
+        rules: tuple[tuple[str, bool, str], ...] = (
+            ("probability", 0.0 <= self.probability < 1.0, "0 up to, but not, 1"),
+            ("height", 0.0 <= (self.height or 0.0) < 1.0, "0 up to, but not, 1"),
+            ("sigma_slots", 0.0 < self.sigma_slots < np.inf, "above 0"),
+            ("duration_slots", 0 < short <= long, "0 < shortest <= longest"),
+            ("shift_slots", self.shift_slots >= 0, "0 or more"),
+            ("centres", all(0 <= c <= last for c in self.centres), f"slots 0 to {last}"),
+            ("centre_error_slots", self.centre_error_slots >= 0, "0 or more"),
+        )
+        wrong = [f"{k} {getattr(self, k)}; allowed: {ok}" for k, good, ok in rules if not good]
+        if wrong:
+            raise UsageError(
+                "outage process: " + "; ".join(wrong),
+                hint="0.8 and 4 slots are the usual probability and width",
+            )
+        _ = self.p_max
+
+    @cached_property
+    def p_max(self) -> float:
+        """Height of the bell: probability per slot of 15 minutes at its centre."""
+        if self.height is not None or self.probability == 0.0:
+            return self.height or 0.0
+        step = min(1.0, self.sigma_slots / 8) if self.rate else 1.0
+        reach = np.ceil(8 * self.sigma_slots / step) + 1
+        shape = np.exp(-((np.arange(-reach, reach + 1) * step / self.sigma_slots) ** 2) / 2)
+        target = -np.log1p(-self.probability)
+
+        def excess(survived: float) -> float:
+            """The bell whose height is 1 - exp(-survived), which may be arbitrarily close to 1."""
+            return float(-step * np.log1p(np.expm1(-survived) * shape).sum() - target)
+
+        # The centre alone reaches the target at `target / step`. A rate close to certainty in one
+        # slot has a peak like a logarithm's, which no quadrature meets: up to 0.99 then.
+        most = min(target / step, 4.6 if self.rate else 36.0) * (1.0 + 1e-12)
+        if excess(most) < 0.0:
+            raise UsageError(
+                f"outage process: probability {self.probability} cannot be reached by a bell of "
+                f"sigma_slots {self.sigma_slots}",
+                hint="widen the bell",
+            )
+        return float(-np.expm1(-brentq(excess, 0.0, most, xtol=1e-14)))
+
+    def slot_probability(
+        self,
+        centre: ArrayLike,
+        step_min: float = REFERENCE_MIN,
+        slots: int | None = None,
+    ) -> Floats:
+        """(..., slots) probability that a line which is up fails in a slot of the day.
+
+        Args:
+            centre: (...) slot of 15 minutes in whose middle the hazard peaks.
+            step_min: length of a slot, minutes.
+            slots: slots of the day; all if omitted.
+        """
+        ratio = step_min / REFERENCE_MIN
+        begin = np.arange(round(REFERENCE_SLOTS / ratio) if slots is None else slots) * ratio
+        away = begin - np.asarray(centre, float)[..., None] - 0.5
+        if not self.rate:
+            return self._height(away + ratio / 2)
+        nodes, weights = np.polynomial.legendre.leggauss(4 + int(8 * ratio / self.sigma_slots))
+        hazard = -np.log1p(-self._height(away[..., None] + ratio * (nodes + 1) / 2))
+        found: Floats = -np.expm1(-(hazard @ weights) * ratio / 2)
+        return found
+
+    def day_probability(
+        self,
+        centre: ArrayLike,
+        step_min: float = REFERENCE_MIN,
+        slots: int | None = None,
+    ) -> Floats:
+        """(...) probability of an outage on a day; the arguments are those of a slot."""
+        survival = np.log1p(-self.slot_probability(centre, step_min, slots))
+        found: Floats = np.asarray(-np.expm1(survival.sum(axis=-1)))
+        return found
+
+    def centre_slots(self) -> Ints:
+        """Slots of 15 minutes in which the hazard may peak."""
+        return np.array(self.centres or range(REFERENCE_SLOTS), np.intp)
+
+    def _height(self, away: Floats) -> Floats:
+        if self.wrap:
+            half = REFERENCE_SLOTS / 2
+            away = (away + half) % REFERENCE_SLOTS - half
+        found: Floats = self.p_max * np.exp(-((away / self.sigma_slots) ** 2) / 2)
+        return found
+
+
+def case_bell(case: Case, **changes: Any) -> Bell:
+    """The bell of a case, as its table `[outage]` says, with some settings replaced.
+
+    Args:
+        case: the case.
+        changes: fields of `Bell`; those that are None stay as they are.
+
+    Raises:
+        UsageError: a value out of range.
+    """
+    given = {key: value for key, value in changes.items() if value is not None}
+    if "probability" in given:
+        given.setdefault("height", None)
+    return Bell(**(dict(case.outage) | given))

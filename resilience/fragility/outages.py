@@ -1,0 +1,184 @@
+"""Outage paths: when a line fails and when it is back, drawn from a process or listed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.errors import UsageError
+from resilience.fragility.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
+from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+
+if TYPE_CHECKING:
+    from resilience.case import Case, Outage
+
+DAY_MIN = 24 * 60
+
+
+@dataclass(frozen=True)
+class Day:
+    """What is drawn for one day, whatever becomes of it.
+
+    Attributes:
+        forecast: slot of 15 minutes in which the hazard is expected to peak.
+        fails: (lines, slots) True where a line fails if it is up and may fail.
+        lengths: (lines, slots) slots until a line that fails there is back.
+    """
+
+    forecast: int
+    fails: Bools
+    lengths: Ints
+
+
+def breakpoints(case: Case) -> tuple[str, ...]:
+    """Lines that storms may break, in the order of the network.
+
+    Raises:
+        UsageError: the case marks none.
+    """
+    network = case.network
+    found = tuple(n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b)
+    if not found:
+        raise UsageError(
+            f"case {case.name!r} has no breakpoint", hint="mark lines with `breakpoint = true`"
+        )
+    return found
+
+
+def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None = None) -> Scenarios:
+    """`n` equally likely outage paths over the case's horizon, or over `days` whole days.
+
+    Days begin at midnight, also where the horizon does not. Everything is drawn up front from
+    `seed`, a stream per scenario and day by day, so that a longer horizon or more scenarios of the
+    same seed begin alike.
+
+    Raises:
+        UsageError: no breakpoint, no scenario, a negative seed, or slots that do not divide a day.
+    """
+    lines = breakpoints(case)
+    if n < 1 or seed < 0 or (days is not None and days < 1):
+        raise UsageError(
+            f"{n} scenarios of {days or 'all'} days, seed {seed}; "
+            "allowed: 1 or more scenarios and days, seed 0 or more",
+            hint="200 scenarios show a chance of 50 % to within 7 %",
+        )
+    per_day, offset = _calendar(case)
+    slots = case.slots if days is None else days * per_day
+    count = -(-(offset + slots) // per_day)
+    down = np.zeros((len(lines), slots, n), bool)
+    centre = np.zeros((count, n), np.intp)
+    for k, rng in enumerate(np.random.default_rng(seed).spawn(n)):
+        drawn = [draw_day(bell, len(lines), per_day, rng) for _ in range(count)]
+        centre[:, k] = [day.forecast for day in drawn]
+        down[:, :, k] = outage_path(drawn, bell)[:, offset : offset + slots]
+    return Scenarios(lines, down, np.full(n, 1.0 / n), centre, seed, str(bell))
+
+
+def _calendar(case: Case) -> tuple[int, int]:
+    """Slots of a day, and slots from midnight to the start of the horizon."""
+    start = case.start.hour * 60 + case.start.minute + case.start.second / 60
+    found = DAY_MIN / case.step_min, start / case.step_min
+    if any(abs(x - round(x)) > 1e-9 for x in found):
+        raise UsageError(
+            f"slots of {case.step_min:g} min from {case.start:%H:%M} do not meet midnight; "
+            "allowed: slots that divide a day, from a multiple of them on",
+            hint="slots of 15 min from 00:00 are usual",
+        )
+    return round(found[0]), round(found[1])
+
+
+def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Day:
+    """Draws one day of `slots` slots."""
+    step_min = DAY_MIN / slots
+    centre = int(rng.choice(bell.centre_slots()))
+    chance = bell.slot_probability(centre + shifts(bell, lines, rng), step_min, slots)
+    draws: Floats = rng.random((lines, slots))
+    if bell.common_draw:
+        draws[:] = draws[0]
+    short, long = bell.duration_slots
+    lengths = rng.integers(short, long + 1, (lines, slots)) * (REFERENCE_MIN / step_min)
+    error = int(rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1))
+    forecast = min(max(centre + error, 0), REFERENCE_SLOTS - 1)
+    # As everywhere in a case, a slot that an outage touches at all is down.
+    return Day(forecast, draws < chance, np.ceil(lengths - 1e-9).astype(np.intp))
+
+
+def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:
+    """(lines,) slots by which each line's bell is shifted; the first line's is not."""
+    found: Ints = rng.integers(-bell.shift_slots, bell.shift_slots + 1, lines)
+    if bell.shared_shift:
+        found[:] = found[-1]
+    found[0] = 0
+    return found
+
+
+def outage_path(days: Sequence[Day], bell: Bell) -> Bools:
+    """(lines, slots) where each line is down, days one after the other."""
+    lines, slots = days[0].fails.shape
+    down = np.zeros((lines, len(days) * slots), bool)
+    for k in range(lines):
+        up = 0  # first slot of the day in which the line is up
+        for number, day in enumerate(days):
+            start = number * slots
+            while True:
+                hits = np.flatnonzero(day.fails[k, up:])
+                if not len(hits):
+                    break
+                first = up + int(hits[0])
+                up = first + int(day.lengths[k, first])
+                down[k, start + first : start + (up if bell.overnight else min(up, slots))] = True
+                if not bell.refail:
+                    break
+            up = max(up - slots, 0) if bell.overnight else 0
+    return down
+
+
+def sample_outages(case: Case, bell: Bell, seed: int) -> tuple[Outage, ...]:
+    """One draw of the bell as a list of outages: the first scenario of that seed.
+
+    Raises:
+        UsageError: as `sample_bell`.
+    """
+    from resilience.case import Outage
+
+    events = sample_bell(case, bell, 1, seed).events()
+    return tuple(Outage(line, first, stop) for _, line, first, stop in events)
+
+
+def outages_from(
+    text: str | Path | None, case: Case, seed: int | None = None
+) -> tuple[Outage, ...]:
+    """Outages as a user asks for them: a draw of the case's bell, or what `parse_outages` reads.
+
+    Args:
+        text: `"bell"`, `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's own if None.
+        case: says which lines there are, and the horizon.
+        seed: of the bell; 0 if omitted.
+
+    Raises:
+        CaseError: the outages have mistakes; all of them are listed.
+        UsageError: a seed without the bell, a missing file, or as `sample_bell`.
+    """
+    from resilience.case import parse_outages
+
+    if str(text).strip().lower() == "bell":
+        return sample_outages(case, case_bell(case), seed or 0)
+    if seed is not None:
+        raise UsageError(
+            f"seed {seed} without a draw; allowed: a seed with the outages `bell`",
+            hint="add `--outages bell`, or leave out the seed",
+        )
+    return case.outages if text is None else parse_outages(text, case)
+
+
+def fixed(case: Case, outages: Sequence[Outage]) -> Scenarios:
+    """One certain scenario: a list of outages."""
+    lines = tuple(dict.fromkeys(outage.line for outage in outages))
+    down = np.zeros((len(lines), case.slots, 1), bool)
+    for outage in outages:
+        down[lines.index(outage.line), outage.first : outage.stop, 0] = True
+    return Scenarios(lines, down, np.ones(1), process="a fixed list")

@@ -1,0 +1,81 @@
+"""Scenarios in a few numbers: how often a line is out, for how long, and all of them at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.fragility.scenarios import Scenarios
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from resilience.case import Case
+
+
+def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
+    """Chances per calendar day and mean times in hours, scenarios weighted.
+
+    Args:
+        scenarios: from the start of the case's horizon on.
+        case: says when that is, and how long a slot is.
+    """
+    dates = [case.window.time(t).date() for t in range(scenarios.slots)]
+    first = [t for t, date in enumerate(dates) if t == 0 or date != dates[t - 1]]
+    down, weight = scenarios.down, scenarios.probability
+    before = np.pad(down, ((0, 0), (1, 0), (0, 0)))[:, :-1]
+    begins = np.add.reduceat(down & ~before, first, axis=1, dtype=np.intp)
+    hours = down.sum(axis=1) @ weight * case.step_h
+    counts = begins.sum(axis=1) @ weight
+    chance = (begins > 0).mean(axis=1) @ weight
+    together = down.all(axis=0) if len(scenarios.lines) else np.zeros(down.shape[1:], bool)
+    all_out = np.logical_or.reduceat(together, first, axis=0).mean(axis=0) @ weight
+    lines = {
+        line: {
+            "outage_chance_per_day": float(chance[k]),
+            "hours_out_per_day": float(hours[k] / len(first)),
+            "hours_per_outage": float(hours[k] / counts[k]) if counts[k] else 0.0,
+        }
+        for k, line in enumerate(scenarios.lines)
+    }
+    return {
+        "case": case.name,
+        "scenarios": scenarios.n,
+        "slots": scenarios.slots,
+        "step_min": case.step_min,
+        "days": len(first),
+        "seed": scenarios.seed,
+        "process": scenarios.process,
+        "lines": lines,
+        "all_out_chance_per_day": float(all_out),
+    }
+
+
+def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
+    """Prints `summary` as a table."""
+    from rich import box
+    from rich.table import Table
+
+    found = summary(scenarios, case)
+    days = "1 day" if found["days"] == 1 else f"{found['days']} days"
+    seed = "" if scenarios.seed is None else f", seed {scenarios.seed}"
+    console.print(
+        f"[bold]{case.name}[/bold]  {scenarios.n} scenarios of {days}{seed}", highlight=False
+    )
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("line", "out on a day", "h out a day", "h per outage"):
+        table.add_column(head, justify="left" if head == "line" else "right")
+    for line, row in found["lines"].items():
+        table.add_row(
+            line,
+            f"{100 * row['outage_chance_per_day']:.1f} %",
+            f"{row['hours_out_per_day']:.2f}",
+            f"{row['hours_per_outage']:.2f}",
+        )
+    console.print(table)
+    console.print(
+        f"all {len(scenarios.lines)} out at once on {100 * found['all_out_chance_per_day']:.1f} % "
+        "of days",
+        highlight=False,
+    )

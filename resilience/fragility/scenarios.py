@@ -1,0 +1,101 @@
+"""Scenarios: which line is down when, in many possible futures, and how likely each is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resilience.errors import UsageError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """Outage paths.
+
+    Attributes:
+        lines: names of the lines that can fail.
+        down: (lines, slots, scenarios) True where a line is down.
+        probability: (scenarios,) weights, adding up to 1.
+        centre: (days, scenarios) slot of 15 minutes of the day in which the hazard peaks, as
+            forecast at midnight; None where the process has no such thing.
+        seed: what the draws were made from; None for a list or a file.
+        process: the process and its settings, in words and numbers.
+
+    Raises:
+        UsageError: shapes that do not match, or weights that are no probabilities.
+    """
+
+    lines: tuple[str, ...]
+    down: Bools
+    probability: Floats
+    centre: Ints | None = None
+    seed: int | None = None
+    process: str = ""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.lines), self.down.shape[1], len(self.probability))
+        if self.down.shape != shape:
+            raise UsageError(
+                f"outages have the shape {self.down.shape}; allowed: {shape}",
+                hint="axes are lines, slots, scenarios",
+            )
+        if not (self.probability >= 0).all() or not np.isclose(self.probability.sum(), 1.0):
+            raise UsageError(
+                f"probabilities add up to {self.probability.sum():g}; allowed: 1, none negative",
+                hint="divide the weights by their sum",
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of scenarios."""
+        return len(self.probability)
+
+    @property
+    def slots(self) -> int:
+        """Number of slots."""
+        return int(self.down.shape[1])
+
+    def line_up(self, names: Sequence[str]) -> Bools:
+        """(names, slots, scenarios) False where a line is down; lines that cannot fail are up."""
+        up = np.ones((len(names), self.slots, self.n), bool)
+        for k, line in enumerate(self.lines):
+            if line in names:
+                up[list(names).index(line)] = ~self.down[k]
+        return up
+
+    def chosen(self, index: Any) -> Scenarios:
+        """Some of the scenarios, their weights scaled to add up to 1."""
+        weight = self.probability[index]
+        centre = None if self.centre is None else self.centre[:, index]
+        down = self.down[:, :, index]
+        return Scenarios(self.lines, down, weight / weight.sum(), centre, self.seed, self.process)
+
+    def events(self) -> list[tuple[int, str, int, int]]:
+        """Every outage as (scenario, line, first slot, stop slot), in that order."""
+        padded = np.pad(self.down.astype(np.int8), ((0, 0), (1, 1), (0, 0)))
+        change = np.diff(padded, axis=1)
+        begin = np.argwhere(change.transpose(2, 0, 1) == 1)
+        end = np.argwhere(change.transpose(2, 0, 1) == -1)
+        return [
+            (int(s), self.lines[k], int(first), int(stop))
+            for (s, k, first), stop in zip(begin, end[:, 2], strict=True)
+        ]
+
+    def save(self, path: str | Path) -> None:
+        """Writes a .npz file, or a .csv file; what was drawn from what is in the former only.
+
+        Raises:
+            UsageError: another suffix.
+        """
+        from resilience.fragility.files import save_scenarios
+
+        save_scenarios(self, Path(path))

@@ -1,0 +1,289 @@
+r"""AC power flow of many members at once, islands included, by power-grid-model.
+
+A member is one slot, scenario or draw: injections at every bus and the lines that are closed. Every
+island hangs on one root, the bus whose unit holds the voltage and gives whatever the injections
+leave over: losses, and all reactive power that nobody else feeds in.
+
+Impedances are in pu on one base throughout the network, so all buses are given a rated voltage of
+1 kV, where 1 pu on 1 MVA is 1 ohm; the result is in pu whatever the real voltages are.
+
+| symbol | name | unit |
+|---|---|---|
+| $P_i, Q_i$ | `p_mw`, `q_mvar`: fed in at bus $i$, net | MW, Mvar |
+| $V_i$ | `v_pu` | pu |
+| $P_{ij}, Q_{ij}$ | `p_line_mw`, `q_line_mvar` at the sending end | MW, Mvar |
+| $\sum_{ij} P_{ij} + P_{ji}$ | `loss_mw` | MW |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resilience.errors import UsageError
+from resilience.models.algebra import Floats, Ints
+from resilience.models.situation import Situation
+
+if TYPE_CHECKING:
+    from resilience.case import Network
+
+Bools = np.ndarray
+MEGA = 1e6
+RATED_V = 1e3
+STIFF_VA = 1e16  # short-circuit power of a root: 1e-10 pu behind it, where the default is 1e-4
+LEAST_X_PU = 1e-8  # in place of an impedance of zero, which has no admittance
+ALONE = 32  # members from which a pattern is worth a model of its own
+WANTED: Any = {
+    "node": ["u_pu"],
+    "line": ["p_from", "q_from", "s_from", "p_to", "s_to"],
+    "source": ["p", "q"],
+}
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What a power flow found. All values of a member that did not converge are NaN.
+
+    Attributes:
+        converged: (members,) False where there is no solution or an injection is no number.
+        v_pu: (buses, members), NaN where a bus is dead.
+        p_line_mw, q_line_mvar: (lines, members) at the sending end, 0 where nothing flows.
+        s_line_mva: (lines, members) apparent power at the end where it is larger.
+        loss_mw: (members,) in all lines.
+        p_root_mw, q_root_mvar: (buses, members) what a root gave beyond `p_mw` and `q_mvar`.
+    """
+
+    network: Network = field(repr=False)
+    converged: Bools
+    v_pu: Floats = field(repr=False)
+    p_line_mw: Floats = field(repr=False)
+    q_line_mvar: Floats = field(repr=False)
+    s_line_mva: Floats = field(repr=False)
+    loss_mw: Floats = field(repr=False)
+    p_root_mw: Floats = field(repr=False)
+    q_root_mvar: Floats = field(repr=False)
+
+    @classmethod
+    def blank(cls, network: Network, converged: Bools) -> Flow:
+        """Nothing flows, and no bus has a voltage."""
+        buses, lines, n = len(network.bus_names), len(network.line_names), len(converged)
+        none, idle = np.zeros((lines, n)), np.zeros((buses, n))
+        dead = np.full((buses, n), np.nan)
+        return cls(
+            network,
+            converged.copy(),
+            v_pu=dead,
+            p_line_mw=none,
+            q_line_mvar=none.copy(),
+            s_line_mva=none.copy(),
+            loss_mw=np.zeros(n),
+            p_root_mw=idle,
+            q_root_mvar=idle.copy(),
+        )
+
+    @property
+    def overload_mva(self) -> Floats:
+        """(lines, members) apparent power beyond the rating; 0 within it or without one."""
+        return np.maximum(self.s_line_mva - self.network.rating_mva[:, None], 0.0)
+
+    @property
+    def v_violation_pu(self) -> Floats:
+        """(buses, members) how far the voltage lies outside the bus's band; 0 within it."""
+        below = self.network.v_min_pu[:, None] - self.v_pu
+        above = self.v_pu - self.network.v_max_pu[:, None]
+        return np.maximum(np.maximum(below, above), 0.0)
+
+
+def flow(
+    network: Network,
+    p_mw: Floats,
+    q_mvar: Floats,
+    line_up: Bools,
+    root: Bools,
+    v_root: ArrayLike = 1.0,
+) -> Flow:
+    """Solves every member; those that fail are masked and disturb no other.
+
+    Args:
+        network: its own line status does not count; `line_up` does.
+        p_mw: (buses, members) active power fed in, net of demand; ignored where a bus is dead.
+        q_mvar: the same for reactive power.
+        line_up: (lines,) or (lines, members) True where a line is closed.
+        root: (buses,) or (buses, members) True for one bus of every island that is alive.
+        v_root: voltage at the roots in pu: one number, (buses,), or (buses, members).
+
+    Raises:
+        UsageError: arrays that do not fit the network, or an island with two roots.
+    """
+    given = _Members.of(network, p_mw, q_mvar, line_up, root, v_root)
+    found = Flow.blank(network, given.sound)
+    for group in given.groups():
+        _solve(given, group, found)
+    _mask(found)
+    return found
+
+
+@dataclass(frozen=True)
+class _Members:
+    """What was asked for, with every array (.., members), and who has which outage pattern."""
+
+    network: Network
+    p: Floats
+    q: Floats
+    up: Bools
+    root: Bools
+    v: Floats
+    live: Bools
+    pattern: Ints
+
+    @classmethod
+    def of(
+        cls, network: Network, p: Floats, q: Floats, up: Bools, root: Bools, v: ArrayLike
+    ) -> _Members:
+        buses, lines = len(network.bus_names), len(network.line_names)
+        p, q = np.asarray(p, float), np.asarray(q, float)
+        members = p.shape[1] if p.ndim == 2 else 0
+        shape = (buses, members)
+        p, q = _filled("p_mw", p, shape), _filled("q_mvar", q, shape)
+        up = _filled("line_up", np.asarray(up, bool), (lines, members))
+        root = _filled("root", np.asarray(root, bool), shape)
+        volts = _filled("v_root", np.asarray(v, float), shape)
+        live, pattern = _islands(network, up, root)
+        return cls(network, p, q, up, root, volts, live, pattern)
+
+    @property
+    def sound(self) -> Bools:
+        """(members,) all numbers finite; power-grid-model takes NaN for `as before`."""
+        finite = np.isfinite(self.p) & np.isfinite(self.q)
+        held: Bools = np.isfinite(self.v) | ~self.root
+        good: Bools = ((finite & held) | ~self.live).all(axis=0)
+        return good
+
+    def groups(self) -> list[Ints]:
+        """Indices of members to solve together: the common patterns alone, the rare ones at once.
+
+        A model of its own is twice as fast as switching a common one, but takes as long to build
+        as ten flows.
+        """
+        chosen = np.flatnonzero(self.sound & self.live.any(axis=0))
+        counts = np.bincount(self.pattern[chosen])
+        often = np.flatnonzero(counts >= ALONE)
+        groups = [chosen[self.pattern[chosen] == k] for k in often]
+        rare = chosen[counts[self.pattern[chosen]] < ALONE]
+        return [*groups, rare] if len(rare) else groups
+
+
+def _filled(name: str, array: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """The array, its one column, or its one number, for all members."""
+    if array.shape not in (shape, shape[:1], ()):
+        raise UsageError(
+            f"{name} has the shape {array.shape}; allowed: {shape}",
+            hint="rows follow the network's buses or lines, columns are the members of p_mw",
+        )
+    return np.broadcast_to(array[:, None] if array.ndim == 1 else array, shape)
+
+
+def _islands(network: Network, up: Bools, root: Bools) -> tuple[Bools, Ints]:
+    """(buses, members) whether a bus hangs on a root, and (members,) the number of the pattern."""
+    packed = np.concatenate([np.packbits(up, axis=0), np.packbits(root, axis=0)])
+    whole = np.ascontiguousarray(packed.T).view(f"V{len(packed)}").ravel()
+    _, first, pattern = np.unique(whole, return_index=True, return_inverse=True)
+    ends = np.stack([network.from_bus, network.to_bus])
+    nobody = np.zeros(len(root), bool)
+    n = len(first)
+    situation = Situation(lambda _: np.ones(n), network.line_names, ends, up[:, first], nobody, n)
+    island, roots = situation.island, root[:, first]
+    count = np.zeros((island.max(initial=0) + 1, n), int)
+    bus, at = np.nonzero(roots)
+    np.add.at(count, (island[bus, at], at), 1)
+    if (count > 1).any():
+        number, at = np.argwhere(count > 1)[0]
+        two = [network.bus_names[k] for k in np.flatnonzero(roots[:, at])]
+        two = [name for name in two if island[network.bus(name), at] == number]
+        raise UsageError(
+            f"one island of member {first[at]} has the roots {', '.join(two)}; allowed: one",
+            hint="`roots` chooses the largest forming unit of every island",
+        )
+    live = np.take_along_axis(count, island, axis=0) > 0
+    return live[:, pattern], pattern
+
+
+def _solve(given: _Members, group: Ints, found: Flow) -> None:
+    """Solves a group and writes what it found; the members that fail become unconverged."""
+    from power_grid_model import PowerGridModel
+
+    up, root = given.up[:, group], given.root[:, group]
+    lines, sources = np.flatnonzero(up.any(axis=1)), np.flatnonzero(root.any(axis=1))
+    model = PowerGridModel(_parts(given.network, lines, sources))
+    live = given.live[:, group]
+    update: dict[str, Any] = {
+        "sym_gen": {
+            "p_specified": _rows(np.where(live, given.p[:, group], 0.0) * MEGA),
+            "q_specified": _rows(np.where(live, given.q[:, group], 0.0) * MEGA),
+        },
+        "source": {"u_ref": _rows(np.where(root, given.v[:, group], 1.0)[sources])},
+    }
+    if not (up[lines].all() and root[sources].all()):
+        closed = _rows(up[lines].astype(np.int8))
+        update["line"] = {"from_status": closed, "to_status": closed}
+        update["source"]["status"] = _rows(root[sources].astype(np.int8))
+    answer: Any = model.calculate_power_flow(
+        update_data=update, output_component_types=WANTED, continue_on_batch_error=True
+    )
+    error = model.batch_error
+    if error is not None:
+        found.converged[group[np.asarray(error.failed_scenarios, np.intp)]] = False
+    found.v_pu[:, group] = np.where(live, answer["node"]["u_pu"].T, np.nan)
+    if len(lines):
+        _wires(answer["line"], np.ix_(lines, group), found)
+        lost = answer["line"]["p_from"] + answer["line"]["p_to"]
+        found.loss_mw[group] = lost.sum(axis=1) / MEGA
+    at = np.ix_(sources, group)
+    found.p_root_mw[at] = answer["source"]["p"].T / MEGA
+    found.q_root_mvar[at] = answer["source"]["q"].T / MEGA
+
+
+def _wires(line: Any, at: Any, found: Flow) -> None:
+    found.p_line_mw[at] = line["p_from"].T / MEGA
+    found.q_line_mvar[at] = line["q_from"].T / MEGA
+    found.s_line_mva[at] = np.maximum(line["s_from"], line["s_to"]).T / MEGA
+
+
+def _rows(values: np.ndarray) -> np.ndarray:
+    """A row per member, as power-grid-model has it."""
+    return np.ascontiguousarray(values.T)
+
+
+def _parts(network: Network, lines: Ints, sources: Ints) -> dict[str, np.ndarray]:
+    """The network as tables of power-grid-model, one injection per bus."""
+    from power_grid_model import initialize_array
+
+    n = len(network.bus_names)
+    first = np.cumsum([0, n, n, len(lines)])
+    node: Any = initialize_array("input", "node", n)
+    node["id"], node["u_rated"] = np.arange(n), RATED_V
+    feed: Any = initialize_array("input", "sym_gen", n)
+    feed["id"], feed["node"], feed["status"] = first[1] + np.arange(n), np.arange(n), 1
+    feed["type"], feed["p_specified"], feed["q_specified"] = 0, 0.0, 0.0
+    line: Any = initialize_array("input", "line", len(lines))
+    line["id"] = first[2] + np.arange(len(lines))
+    line["from_node"], line["to_node"] = network.from_bus[lines], network.to_bus[lines]
+    line["from_status"], line["to_status"] = 1, 1
+    r, x = network.r_pu[lines], network.x_pu[lines]
+    line["r1"], line["x1"] = r, np.where(np.hypot(r, x) < LEAST_X_PU, LEAST_X_PU, x)
+    line["c1"], line["tan1"] = 0.0, 0.0
+    source: Any = initialize_array("input", "source", len(sources))
+    source["id"], source["node"] = first[3] + np.arange(len(sources)), sources
+    source["status"], source["u_ref"], source["sk"] = 1, 1.0, STIFF_VA
+    return {"node": node, "sym_gen": feed, "line": line, "source": source}
+
+
+def _mask(found: Flow) -> None:
+    """What power-grid-model leaves in a failed member are numbers that mean nothing."""
+    failed = ~found.converged
+    for name in ("v_pu", "p_line_mw", "q_line_mvar", "s_line_mva", "p_root_mw", "q_root_mvar"):
+        getattr(found, name)[:, failed] = np.nan
+    found.loss_mw[failed] = np.nan

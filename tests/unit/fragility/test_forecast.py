@@ -1,0 +1,67 @@
+"""Forecast errors against the closed forms of an autoregressive process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from storms import feeder
+
+from resilience.errors import UsageError
+from resilience.fragility import ForecastError, sample_profiles
+
+SIGMA = 0.1
+N = 4000
+
+
+@pytest.mark.parametrize(("rho", "step_min"), [(0.0, 15.0), (0.97, 15.0), (0.97, 60.0)])
+def test_variance_and_autocorrelation(rho: float, step_min: float) -> None:
+    error = ForecastError(SIGMA, rho).errors(2, 40, N, np.random.default_rng(1), step_min)
+    # Standard errors of an s.d. and of a correlation from N draws, four times each.
+    assert error.std(axis=2) == pytest.approx(SIGMA, rel=4 / np.sqrt(2 * N))
+    assert error.mean(axis=2) == pytest.approx(0.0, abs=4 * SIGMA / np.sqrt(N))
+    for lag in (1, 8):
+        closed = rho ** (lag * step_min / 15.0)
+        for first in (0, 20):
+            pair = np.corrcoef(error[0, first], error[0, first + lag])[0, 1]
+            assert pair == pytest.approx(closed, abs=4 * (1 - closed**2) / np.sqrt(N))
+    across = np.corrcoef(error[0, 30], error[1, 30])[0, 1]
+    assert across == pytest.approx(0.0, abs=4 / np.sqrt(N))
+
+
+def test_errors_are_relative_and_power_is_never_negative() -> None:
+    forecast = np.array([[0.0, 0.5, 1.0]])
+    found = ForecastError(2.0, 0.0).sample(forecast, 500, np.random.default_rng(2))
+    assert found.shape == (1, 3, 500)
+    assert (found[0, 0] == 0).all()
+    assert found.min() == 0.0
+    assert (found[0, 1] == 0.0).any()
+    assert ForecastError(0.0).sample(forecast, 1, np.random.default_rng(2))[:, :, 0] == (
+        pytest.approx(forecast)
+    )
+
+
+def test_a_seed_repeats_and_more_begins_alike() -> None:
+    def draw(slots: int, n: int) -> np.ndarray:
+        return ForecastError().errors(3, slots, n, np.random.default_rng(3))
+
+    usual = draw(20, 4)
+    assert np.array_equal(usual, draw(20, 4))
+    assert np.array_equal(usual, draw(30, 6)[:, :20, :4])
+
+
+def test_profiles_of_a_case() -> None:
+    columns = {"price": [1, 0.5, 2, 1], "sun": [0, 0.2, 0.9, 0.3], "town": [0.4, 0.5, 1.0, 0.7]}
+    case = feeder(step_min=360.0, columns=columns, profile="town")
+    names, found = sample_profiles(case, ForecastError(0.01), 200, np.random.default_rng(4))
+    assert names == ("town", "sun")  # not the price
+    assert found.mean(axis=2) == pytest.approx(
+        np.array([case.profiles[n] for n in names]), abs=0.01
+    )
+    none = sample_profiles(feeder(), ForecastError(), 3, np.random.default_rng(4))
+    assert (none[0], none[1].shape) == ((), (0, 96, 3))
+
+
+@pytest.mark.parametrize(("sigma", "rho"), [(-0.1, 0.0), (np.nan, 0.0), (0.1, 1.0), (0.1, -0.2)])
+def test_settings_out_of_range(sigma: float, rho: float) -> None:
+    with pytest.raises(UsageError, match="allowed"):
+        ForecastError(sigma, rho)

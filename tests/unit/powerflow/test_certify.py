@@ -1,0 +1,136 @@
+"""A certificate says of a plan what the wires make of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small import small
+
+from resilience.case import Case, load_case
+from resilience.dispatch.plan import solve
+from resilience.errors import UsageError
+from resilience.models.certify import certify, connected, roots
+from resilience.models.microgrid import microgrid
+from resilience.models.problem import status
+from resilience.results import Plan, load_plan
+
+
+@pytest.fixture(scope="module")
+def ac() -> Plan:
+    return solve("ieee33", "minlp")
+
+
+def test_a_distflow_plan_is_its_own_power_flow(ac: Plan) -> None:
+    found = certify(ac)
+    planned = ac.tables["voltage"].values
+    live = ac.tables["island"].values > 0
+    assert found.slots == 96
+    assert found.ok
+    assert found.flow.v_pu[live] == pytest.approx(planned[live], abs=1e-4)
+    assert np.isnan(found.flow.v_pu[~live]).all()
+    assert found.loss_mwh == pytest.approx(ac.energy_mwh["losses"], rel=1e-3)
+    assert found.plan_loss_mwh == pytest.approx(ac.energy_mwh["losses"], rel=1e-9)
+    assert found.unfunded_mwh == pytest.approx(0.0, abs=1e-4)
+    assert np.abs(found.flow.p_root_mw).max() < 1e-4
+
+
+def test_a_saved_plan_has_the_same_certificate(ac: Plan, tmp_path: Path) -> None:
+    again = certify(load_plan(ac.save(tmp_path / "plan")))
+    assert again == certify(ac)
+
+
+@pytest.mark.parametrize("physics", ["lindistflow", "copperplate"])
+def test_losses_that_a_plan_neglects_are_unfunded(physics: str) -> None:
+    plan = solve("ieee33", "lp", physics=physics)
+    found = certify(plan)
+    assert not found.not_converged
+    assert found.plan_loss_mwh == pytest.approx(0.0, abs=1e-9)
+    assert found.unfunded_mwh == pytest.approx(found.loss_mwh) != 0.0
+    assert found.unfunded_mwh > 1.0
+    assert found.root is not None
+    assert found.root.excess > 0.1  # the grid gives its 12 MW already
+    assert not found.ok
+    step = plan.step_min / 60.0
+    assert np.nansum(found.flow.p_root_mw) * step == pytest.approx(found.unfunded_mwh)
+
+
+def feeder(**more: float) -> Case:
+    """1 MW at the end of two lines, from the grid; the first line out in the second slot."""
+    unit = {"bus": "3", "p_max_mw": 0.8, "cost_per_mwh": 5.0}
+    return small(
+        slots=2,
+        buses=3,
+        lines=[(1, 2, 0.05, 0.02), (2, 3, 0.05, 0.02)],
+        about=[{"name": "2-3", "rating_mva": 1.01}],
+        outages=["1-2@01:00-02:00"],
+        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0, "v_pu": 0.97}],
+        generator=[unit | more],
+        load=[{"bus": "3", "p_max_mw": 1.0, "shed_cost_per_mwh": 50.0}],
+    )
+
+
+def test_worst_values_have_their_place_and_time() -> None:
+    found = certify(solve(feeder(), "lp", physics="copperplate"))
+    under, over, load = found.undervoltage, found.overvoltage, found.overload
+    assert under is not None
+    assert (under.name, under.time, under.limit) == ("3", "00:00", 0.9)
+    assert under.excess == pytest.approx(0.9 - under.value)
+    # 1 MW over z = 0.1 + 0.04j pu from V = 0.97: v⁴ + (2 r P - V²) v² + |z|² P² = 0
+    assert under.value**2 == pytest.approx(max(np.roots([1.0, 0.2 - 0.97**2, 0.1**2 + 0.04**2])))
+    assert over is not None
+    assert (over.time, over.value) == ("01:00", pytest.approx(1.0))
+    assert over.excess == pytest.approx(-0.1)
+    assert load is not None
+    assert (load.name, load.time, load.limit) == ("2-3", "00:00", 1.01)
+    assert load.excess == pytest.approx(found.flow.overload_mva.max())
+    assert load.excess > 0
+    assert found.flow.v_pu[0, 0] == pytest.approx(0.97)  # the grid's own voltage
+    assert found.flow.v_pu[0, 1] == pytest.approx(0.97)  # alone, and alive
+
+
+def test_the_root_is_the_grid_or_else_the_largest_forming_unit() -> None:
+    case = load_case("ieee33")
+    situation = connected(case, status(case) & case.network.in_service[:, None])
+    found = roots(case, situation)
+
+    def names(slot: int) -> list[str]:
+        return [case.network.bus_names[k] for k in np.flatnonzero(found[:, slot])]
+
+    assert names(0) == ["1"]
+    assert names(54) == ["1", "24"]  # 13:30: C alone, 1.5 MW of storage there
+    assert names(60) == ["1", "3", "20", "24", "30"]  # four islands, and the grid by itself
+    alone = np.array([len(set(situation.island[:, t])) for t in range(case.slots)])
+    assert (found.sum(axis=0) == alone).all()
+
+
+def test_an_island_without_forming_unit_is_dead() -> None:
+    plan = solve(feeder(grid_forming=False), "lp", physics="copperplate")
+    found = certify(plan)
+    assert np.isnan(found.flow.v_pu[1:, 1]).all()
+    assert not found.not_converged
+    assert found.flow.loss_mw[1] == 0.0
+
+
+def test_a_slot_without_solution_is_named_and_counts_in_nothing() -> None:
+    case = feeder()
+    lines = [(1, 2, 5.0, 2.0), (2, 3, 5.0, 2.0)]
+    thin = small(slots=2, buses=3, lines=lines, outages=["1-2@01:00-02:00"],
+                 **{k: [t.model_dump() for t in getattr(case, k)]
+                    for k in ("grid", "generator", "load")})  # fmt: skip
+    found = certify(solve(thin, "lp", physics="copperplate"))
+    assert found.not_converged == ("00:00",)
+    assert not found.ok
+    assert found.undervoltage is not None
+    assert found.undervoltage.time == "01:00"
+    assert found.summary()["not_converged"] == ["00:00"]
+
+
+def test_it_needs_the_case_and_its_whole_network(ac: Plan) -> None:
+    from dataclasses import replace
+
+    with pytest.raises(UsageError, match="without its case"):
+        certify(replace(ac, case=None))
+    case = load_case("ieee33")
+    merged = microgrid(case, "copperplate").situation(status(case))
+    with pytest.raises(UsageError, match="the situation has 5 buses, the case 33"):
+        roots(case, merged)
