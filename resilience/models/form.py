@@ -52,6 +52,9 @@ class Form:
         self.penalty = np.zeros(self.n_columns)
         for term in self.stage.penalties:
             self.penalty += self.matrix(term).sum(axis=0)
+        self.tiebreak = np.zeros(self.n_columns)
+        for x, weight in self.stage.tiebreaks:
+            self.tiebreak[self.position[x.ids]] += weight
 
     @property
     def n_own(self) -> int:

@@ -88,6 +88,7 @@ class Stage:
     rows: list[Row] = field(default_factory=list)
     costs: list[Cost] = field(default_factory=list)
     penalties: list[Affine] = field(default_factory=list)
+    tiebreaks: list[tuple[Affine, Floats]] = field(default_factory=list)
     structures: list[Structure] = field(default_factory=list)
     states: list[tuple[Block, Block]] = field(default_factory=list)
     lower: list[Affine] = field(default_factory=list)
@@ -175,6 +176,10 @@ class Stage:
     def penalty(self, term: Affine) -> None:
         """A term that closes relaxations when weighted slightly; never part of the objective."""
         self.penalties.append(term.sum())
+
+    def tiebreak(self, x: Affine, weight: Floats) -> None:
+        """Among equally good points, one with a small `sum(weight * |x|)` is wanted; x: columns."""
+        self.tiebreaks.append((x, weight))
 
     def split(
         self,

@@ -115,6 +115,14 @@ class Standard:
             np.add.at(total, table, self.tree.probability[nodes, None] * form.penalty)
         return total
 
+    @cached_property
+    def tiebreak(self) -> Floats:
+        """(columns,) weights of |z| by which equally good points are told apart."""
+        total = np.zeros(self.n_columns)
+        for form, table in zip(self.forms, self.tables, strict=True):
+            np.add.at(total, table, np.broadcast_to(form.tiebreak, table.shape))
+        return total
+
     def columns(self, name: str) -> Ints:
         """(labels, nodes) columns of a variable.
 

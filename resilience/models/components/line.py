@@ -127,6 +127,7 @@ class Lines:
         v_i, v_j = v[self.from_bus], v[self.to_bus]
         drop = v_j - v_i + 2.0 * (p * self.r + q * self.x) - self._gap(stage, closed)
         if not self.losses:
+            stage.tiebreak(q, self.r)
             stage.eq("line.voltage", _labelled(drop, self.names))
             return p, q
         most = np.minimum(2.0 * self.flow_max**2, self.rating**2) / self.v_band[0] ** 2

@@ -28,6 +28,7 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.explain import conflict, infeasible, no_plan
 from resilience.models.methods.start import any_point, mended, switches
+from resilience.models.methods.tidy import tidied
 from resilience.models.problem import Problem
 from resilience.models.referee import structure_violations
 from resilience.models.standard import Standard, Vectors
@@ -179,6 +180,8 @@ def _answer(search: Search, found: Solution) -> Answer:
     if search.gap > options.gap:
         notes.append(LATE)
     status: Status = "optimal" if search.gap <= options.gap else "feasible"
+    with phase("tie-break"):
+        best = tidied(search.problem, best)
     return Answer.of(search.problem, replace(best, status=status), search.bound, notes)
 
 

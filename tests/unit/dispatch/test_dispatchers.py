@@ -36,6 +36,22 @@ def test_nobody_beats_the_clairvoyant_bound(world: World, name: str) -> None:
     assert (run.objective(VALUE) >= bound.objective - 1e-6).all()
 
 
+@pytest.mark.parametrize("name", sorted(DISPATCHERS))
+def test_nobody_sees_the_future(world: World, name: str) -> None:
+    """Storms that differ only from 13:00 on are met alike until then."""
+    storms = world.scenarios
+    at = 52
+    assert storms.down[:, at:].any()
+    calm = storms.down.copy()
+    calm[:, at:] = False
+    other = Scenarios(storms.lines, calm, storms.probability, storms.centre)
+    runs = [
+        simulate(w, DISPATCHERS[name](w, VALUE))
+        for w in (world, World(world.grid, world.simulator, other))
+    ]
+    np.testing.assert_allclose(runs[0].storage[:, :at], runs[1].storage[:, :at], atol=1e-7)
+
+
 def test_the_bound_is_reached_by_its_own_decisions(world: World) -> None:
     bound = clairvoyant(world, VALUE)
     run = simulate(world, Replay("clairvoyant", bound.charging))
