@@ -1,4 +1,4 @@
-r"""Energy storage (paper eqs. 2-4 and the first term of eq. 11).
+r"""Energy storage (paper eqs. 2-4 and the first term of eq. 10).
 
 $$ e' = e + \Delta t \left(\eta^\text{ch} p^\text{ch} - p^\text{dis} / \eta^\text{dis}\right),
 \qquad \underline{s} E \le e' \le \overline{s} E, \qquad p^\text{ch} p^\text{dis} = 0 $$

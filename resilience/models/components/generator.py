@@ -1,4 +1,4 @@
-r"""Diesel generators (paper eq. 5 and the second term of eq. 11), with commitment where needed.
+r"""Diesel generators (paper eq. 5 and the second term of eq. 10), with commitment where needed.
 
 $$ \underline{P} u \le p \le \overline{P} u, \qquad u - u^- = y - w, \qquad y \le u, \qquad
 y \le 1 - u^- $$

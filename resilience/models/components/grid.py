@@ -1,4 +1,4 @@
-r"""Connections to the main grid (the third term of the paper's eq. 11).
+r"""Connections to the main grid (the third term of the paper's eq. 10).
 
 $$ p = p^\text{imp} - p^\text{exp}, \qquad p^\text{imp} p^\text{exp} = 0, \qquad
 C = \Delta t \sum \left(c^\text{imp} p^\text{imp} + c^\text{exp} p^\text{exp}\right) $$

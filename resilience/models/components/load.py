@@ -1,4 +1,4 @@
-r"""Loads: demand is served or shed, at a price (paper eq. 6 and the last term of eq. 11).
+r"""Loads: demand is served or shed, at a price (paper eq. 6 and the last term of eq. 10).
 
 $$ 0 \le s_l \le d_l, \qquad p_l = s_l - d_l, \qquad q_l = \tan\varphi_l\, p_l, \qquad
 C = \Delta t \sum_l w_l \lambda_l s_l $$
