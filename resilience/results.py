@@ -133,7 +133,7 @@ class Plan:
     def summary(self) -> dict[str, Any]:
         """Everything but the tables, as plain data."""
         kept = [f.name for f in fields(self) if f.name not in ("tables", "case")]
-        return {key: value for key, value in _shallow(self).items() if key in kept}
+        return {key: getattr(self, key) for key in kept}
 
     def save(self, folder: str | Path) -> Path:
         """Writes the plan; an earlier result in the folder is replaced, anything else is refused.
@@ -166,10 +166,6 @@ def outage_texts(case: Case) -> list[str]:
         return window.label(slot - 1)[: -len("00:00")] + "24:00"
 
     return [f"{o.line}@{window.label(o.first)}-{end(o.stop)}" for o in case.outages]
-
-
-def _shallow(plan: Plan) -> dict[str, Any]:
-    return {f.name: getattr(plan, f.name) for f in fields(plan)}
 
 
 def load_plan(folder: str | Path) -> Plan:

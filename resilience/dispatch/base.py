@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -58,11 +59,17 @@ class World:
         """The world of a microgrid with copperplate physics."""
         return cls(grid, Simulator(grid, grid.case.step_h), scenarios)
 
+    @cached_property
+    def line_up(self) -> Bools:
+        """(lines of the case, slots, scenarios) False where a line is down."""
+        return self.scenarios.line_up(self.grid.case.network.line_names)
+
     def situation(self, t: int) -> Situation:
         """Slot t in every scenario: the scenarios are the nodes."""
         case, n = self.grid.case, self.scenarios.n
-        up = self.scenarios.line_up(case.network.line_names)[:, t]
-        return self.grid.situation(up, lambda name: np.full(n, case.profile(name)[t]))
+        return self.grid.situation(
+            self.line_up[:, t], lambda name: np.full(n, case.profile(name)[t])
+        )
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,6 @@ class Trajectory:
 def simulate(world: World, dispatcher: Dispatcher) -> Trajectory:
     """Runs a dispatcher through all scenarios at once."""
     case, simulator, n = world.grid.case, world.simulator, world.scenarios.n
-    up = world.scenarios.line_up(case.network.line_names)
     start = world.grid.start()["ess.energy"] if case.ess else np.empty(0)
     energy = np.repeat(start[:, None], n, axis=1)
     per_day = max(round(24.0 / case.step_h), 1)
@@ -114,7 +120,8 @@ def simulate(world: World, dispatcher: Dispatcher) -> Trajectory:
     seconds = 0.0
     for t in range(case.slots):
         situation = world.situation(t)
-        seen = Observation(t, energy, up[:, t], situation.island, _centre(world, t // per_day))
+        centre = _centre(world, t // per_day)
+        seen = Observation(t, energy, world.line_up[:, t], situation.island, centre)
         began = time.perf_counter()
         action = dispatcher.act(seen)
         seconds += time.perf_counter() - began

@@ -137,6 +137,7 @@ class Report:
             "process": self.scenarios.process,
             "end_value_per_mwh": self.end_value_per_mwh,
             "bound_per_day": float(self.bound.mean() / (self.case.slots * self.case.step_h / 24)),
+            "bound_seconds": self.bound_seconds,
             "triviality_percent": None if _missing(room) else 100.0 * room,
             "methods": clean,
         }

@@ -79,12 +79,11 @@ def clairvoyant(world: World, value_per_mwh: float) -> Bound:
     tree = Tree.chain([f"t{t}" for t in range(case.slots)])
     problem = unroll([grid.stage(case.step_h)], tree, [cut] if value_per_mwh else [])
     solver = Highs(lower(problem, exact={}))
-    up = scenarios.line_up(case.network.line_names)
     charge, discharge = (problem.columns(f"ess.{way}") for way in ("charge", "discharge"))
     objective = np.empty(scenarios.n)
     charging = np.empty((*charge.shape, scenarios.n))
     for k in range(scenarios.n):
-        data = grid.data(grid.situation(up[:, :, k]))
+        data = grid.data(grid.situation(world.line_up[:, :, k]))
         solver.update(problem.vectors(data, grid.start()))
         found = solver.solve()
         objective[k] = solver.certified_bound(found)

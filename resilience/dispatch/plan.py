@@ -103,7 +103,7 @@ def describe(problem: Problem, answer: Answer, method: str) -> Plan:
     credit = _credit(problem, z)
     bound = answer.bound if np.isfinite(answer.bound) else None
     tables = tabulate(problem, z)
-    reasons = shed_reasons(problem, z)
+    energy, reasons = balance(case, tables), shed_reasons(problem, z)
     return Plan(
         name=case.name,
         method=method,
@@ -120,8 +120,8 @@ def describe(problem: Problem, answer: Answer, method: str) -> Plan:
         audit=checked.worst,
         audit_worst=checked.name,
         costs=costs,
-        energy_mwh=balance(case, tables),
-        shed_mwh=sum(sum(by.values()) for by in reasons.values()),
+        energy_mwh=energy,
+        shed_mwh=energy["shed"],
         shed_by_load=reasons,
         outages=outage_texts(case),
         start=case.start.isoformat(),

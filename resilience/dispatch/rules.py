@@ -84,9 +84,7 @@ class Rule:
         """Towards the level with a grid; what generators leave without."""
         simulator = self.world.simulator
         gap = self.target - seen.energy
-        dt = self.world.grid.case.step_h
         hold = np.where(gap > 0, gap / simulator.gain, gap / simulator.drain)
-        hold = np.where(np.abs(gap) < 1e-9 * dt, 0.0, hold)
         return np.where(self._with_grid(seen), hold, self.islanded.act(seen))
 
     def _with_grid(self, seen: Observation) -> np.ndarray:

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 Labels = tuple[str, ...]
-Operand = "Affine | float | ArrayLike"
 
 
 class Affine:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resilience.models.algebra import Affine, Floats, Ints, Labels, stack
+from resilience.models.algebra import Affine, Floats, Ints, Labels
 
 
 @dataclass(frozen=True)
@@ -280,6 +280,3 @@ class Stage:
 
 def _numbers(n: int) -> Labels:
     return tuple(str(i + 1) for i in range(n))
-
-
-__all__ = ["Block", "Cost", "Row", "Stage", "Structure", "stack"]
