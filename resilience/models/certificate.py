@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats
+from resilience.models.algebra import Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 
@@ -30,16 +30,41 @@ def safe_bound(
 
     Multipliers of inequality rows with the wrong sign are set to zero.
     """
-    y = np.where(np.isneginf(row_lower), np.maximum(rows, 0.0), rows)
-    y = np.where(np.isposinf(row_upper), np.minimum(y, 0.0), y)
-    sides = np.where(y > 0, row_upper, row_lower)
-    worth = float(y[y != 0] @ sides[y != 0])
+    y, worth = _signed(row_lower, row_upper, rows)
     d = v.cost + a.T @ y
     if slope is not None:
         d = d - slope
     with np.errstate(invalid="ignore"):
         least = np.minimum(d * v.lower, d * v.upper)
     return float(v.offset + np.where(d == 0, 0.0, least).sum() - worth - offset)
+
+
+def safe_cut(
+    transposed: sp.csr_array, v: Vectors, rows: Floats, link: Ints
+) -> tuple[float, Floats]:
+    """The same bound as a function alpha + beta @ x of the values x that hold the columns `link`.
+
+    Args:
+        transposed: A', (columns, rows).
+        v: cost, bounds and right-hand sides; those of `link` do not matter.
+        rows: multipliers.
+        link: columns that stand for what is given from outside.
+    """
+    y, worth = _signed(v.row_lower, v.row_upper, rows)
+    d = v.cost + transposed @ y
+    beta = d[link]
+    d[link] = 0.0
+    with np.errstate(invalid="ignore"):
+        least = np.minimum(d * v.lower, d * v.upper)
+    return float(v.offset + np.where(d == 0, 0.0, least).sum() - worth), beta
+
+
+def _signed(row_lower: Floats, row_upper: Floats, rows: Floats) -> tuple[Floats, float]:
+    """Multipliers with the signs that their rows allow, and their product with the rows' sides."""
+    y = np.where(np.isneginf(row_lower), np.maximum(rows, 0.0), rows)
+    y = np.where(np.isposinf(row_upper), np.minimum(y, 0.0), y)
+    sides = np.where(y > 0, row_upper, row_lower)
+    return y, float(y[y != 0] @ sides[y != 0])
 
 
 def cone_rows(structure: Unrolled) -> tuple[list[sp.csr_array], list[Floats]]:

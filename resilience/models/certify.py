@@ -6,6 +6,7 @@ holds the voltage, and gives what the plan did not fund, losses above all.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -114,6 +115,93 @@ def certify(plan: Plan) -> Certificate:
         plan_loss_mwh=planned,
         unfunded_mwh=loss - planned,
         flow=found,
+    )
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What AC power flow says of many members, arrays (members,); NaN where one has no solution.
+
+    Attributes:
+        converged: False where there is no solution; such a member says nothing else.
+        v_min_pu, v_max_pu: over the buses that are alive; NaN where none is.
+        v_excess_pu: how far the worst bus lies outside its band; 0 within it.
+        overload_mva: how far the worst line is beyond its rating; 0 within or without one.
+        root_excess_mw: what the forming units together give or take beyond their ranges.
+        root_worst_mw: the same of the worst of them.
+        loss_mw: in all lines.
+    """
+
+    converged: Bools
+    v_min_pu: Floats
+    v_max_pu: Floats
+    v_excess_pu: Floats
+    overload_mva: Floats
+    root_excess_mw: Floats
+    root_worst_mw: Floats
+    loss_mw: Floats
+
+
+def carry(case: Case, power: Mapping[str, Floats], line_up: Bools) -> Carried:
+    """Solves any number of members at once, islands included.
+
+    As in `certify` for a plan without reactive power: sources give none but the roots, which hold
+    the grid's `v_pu`, or 1 pu.
+
+    Args:
+        case: network and devices.
+        power: MW fed in by every device, (members,) by its name; loads are negative.
+        line_up: (lines of the case, members) False where a line has failed.
+    """
+    closed = line_up & case.network.in_service[:, None]
+    units, chosen = _carriers(case, connected(case, closed))
+    root = _at_buses(case, units, chosen) > 0
+    devices = [
+        t for kind in ("load", "pv", "ess", "generator", "grid") for t in getattr(case, kind)
+    ]
+    p = _at_buses(case, devices, np.array([power[t.name] for t in devices]))
+    q = np.zeros_like(p)
+    if case.load:
+        slope = np.array([np.tan(np.arccos(load.power_factor)) for load in case.load])
+        served = np.array([power[load.name] for load in case.load])
+        q = _at_buses(case, case.load, slope[:, None] * served)
+    held = np.ones(len(p))
+    for grid in case.grid:
+        held[case.network.bus(grid.bus)] = grid.v_pu
+    found = flow(case.network, p, q, closed, root, held)
+    return _carried(found, _root_excess(case, found, units, chosen, power))
+
+
+def _root_excess(
+    case: Case, found: Flow, units: list[Any], chosen: Bools, power: Mapping[str, Floats]
+) -> Floats:
+    """(units, members) MW of every forming unit beyond its range, 0 where it carries nothing."""
+    if not units:
+        return np.zeros((1, len(found.converged)))
+    bus = [case.network.bus(unit.bus) for unit in units]
+    given = np.array([power[unit.name] for unit in units]) + found.p_root_mw[bus]
+    least, most = np.array([_range(unit) for unit in units]).T[:, :, None]
+    beyond = np.maximum(np.maximum(given - most, least - given), 0.0)
+    return np.where(chosen, beyond, 0.0)
+
+
+def _carried(found: Flow, excess: Floats) -> Carried:
+    solved = found.converged
+    live = np.isfinite(found.v_pu)
+    some = live.any(axis=0)
+
+    def worst(values: Floats) -> Floats:
+        return np.where(solved, np.nan_to_num(values).max(axis=0, initial=0.0), np.nan)
+
+    return Carried(
+        converged=solved,
+        v_min_pu=np.where(some, np.where(live, found.v_pu, np.inf).min(axis=0), np.nan),
+        v_max_pu=np.where(some, np.where(live, found.v_pu, -np.inf).max(axis=0), np.nan),
+        v_excess_pu=worst(found.v_violation_pu),
+        overload_mva=worst(found.overload_mva),
+        root_excess_mw=np.where(solved, np.nan_to_num(excess).sum(axis=0), np.nan),
+        root_worst_mw=worst(excess),
+        loss_mw=found.loss_mw,
     )
 
 

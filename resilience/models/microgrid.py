@@ -14,6 +14,7 @@ from resilience.errors import UsageError
 from resilience.models import components as parts
 from resilience.models.algebra import Affine, Floats, Ints, stack
 from resilience.models.components import Component, Injection
+from resilience.models.islands import Islands
 from resilience.models.network import bundle, closable, cycle, exchange, merge
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
@@ -61,6 +62,11 @@ class Microgrid:
         ]
         found[self.at([t for t in units if t.grid_forming])] = True
         return found
+
+    @cached_property
+    def islands(self) -> Islands:
+        """The islands that its lines make, remembered per pattern of line status."""
+        return Islands(np.stack([self.network.from_bus, self.network.to_bus]), self.forming)
 
     @cached_property
     def components(self) -> tuple[Component, ...]:
@@ -164,10 +170,11 @@ class Microgrid:
         return Situation(
             profile=profile or self.case.profile,
             names=network.line_names,
-            ends=np.stack([network.from_bus, network.to_bus]),
+            ends=self.islands.ends,
             line_up=line_up[self.lines_of],
             forming=self.forming,
             n=line_up.shape[1],
+            islands=self.islands,
         )
 
     def data(self, situation: Situation) -> dict[str, Floats]:

@@ -158,6 +158,23 @@ class Highs:
             self.model.addRow(-np.inf, rhs, len(columns), columns.astype(np.int32), row)
         self.update(self._given)
 
+    def tune(self, options: dict[str, Any]) -> None:
+        """Sets options of HiGHS by their names."""
+        self._set(options)
+
+    def basis(self) -> Any:
+        """The basis of the last solve, for `start_at`."""
+        return self.model.getBasis()
+
+    def start_at(self, basis: Any) -> None:
+        """Lets the next solve start from a basis, whatever has been solved in between."""
+        self.forget()
+        self.model.setBasis(basis)
+
+    def forget(self) -> None:
+        """Lets the next solve start from nothing."""
+        self.model.clearSolver()
+
     def start_from(self, z: Floats) -> None:
         """Hands a MIP a first point, in the problem's own columns."""
         at = np.flatnonzero(self.problem.integer).astype(np.int32)

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
 import pytest
 from small import small
+from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.microgrid import Microgrid, microgrid
 from resilience.models.problem import horizon, status
-from resilience.models.simulator import Simulator
+from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.models.tree import Tree
 from resilience.models.unroll import unroll
-
-LINES = ("1-2", "2-19", "3-23", "6-26")
 
 
 @pytest.fixture(scope="module")
@@ -30,35 +30,20 @@ def simulator(grid: Microgrid) -> Simulator:
     return Simulator(grid, 0.25)
 
 
-def world(grid: Microgrid, simulator: Simulator, batch: int, seed: int) -> tuple[Any, ...]:
-    """Random slots are one slot here: same profiles, but every member has its own outages."""
-    rng = np.random.default_rng(seed)
-    case = grid.case
-    up = np.ones((len(case.network.line_names), batch), bool)
-    for line in LINES:
-        up[case.network.line(line)] = rng.random(batch) < 0.5
-    slot = int(rng.integers(96))
-    profile = {name: np.full(batch, values[slot]) for name, values in case.profiles.items()}
-    situation = grid.situation(up, lambda name: np.ones(batch) if name is None else profile[name])
-    data = simulator.stacked(grid.data(situation))
-    energy = rng.uniform(simulator.low, simulator.high, (len(simulator.units), batch))
-    action = rng.uniform(-2.5, 2.5, energy.shape)
-    return energy, action, data, situation
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_recourse_is_the_one_slot_linear_program(
     grid: Microgrid, simulator: Simulator, seed: int
 ) -> None:
     """With storage as the step left it, no dispatch of the other devices is cheaper."""
-    energy, action, data, situation = world(grid, simulator, 25, seed)
-    step = simulator.step(energy, action, data, situation.island)
+    seen = scene(simulator, 25, np.random.default_rng(seed))
+    step = simulator.step(*seen.all)
+    assert simulator.heuristic == ()
     assert step.spill.max() < 1e-9
     problem = unroll([grid.stage(0.25)], Tree.chain(["now"]))
     solver = Highs(lower(problem, exact={}))
-    for k in range(energy.shape[1]):
-        one = {name: values[:, [k]] for name, values in grid.data(situation).items()}
-        vectors = problem.vectors(one, {"ess.energy": energy[:, k]})
+    for k in range(seen.energy.shape[1]):
+        one = {name: values[:, [k]] for name, values in seen.named.items()}
+        vectors = problem.vectors(one, {"ess.energy": seen.energy[:, k]})
         for name, power in (("ess.charge", step.charge), ("ess.discharge", step.discharge)):
             vectors = vectors.fixed(problem.columns(name)[:, 0], power[:, k])
         solver.update(vectors)
@@ -69,60 +54,114 @@ def test_recourse_is_the_one_slot_linear_program(
         np.testing.assert_allclose(step.energy[:, k], after, atol=1e-9)
 
 
-def test_no_state_leaves_its_band_and_energy_is_conserved(
-    grid: Microgrid, simulator: Simulator
+@pytest.mark.parametrize("recourse", ["economic", "paper"])
+def test_a_hundred_thousand_steps_violate_no_bound_and_conserve_energy(
+    grid: Microgrid, recourse: Any
 ) -> None:
-    energy, action, data, situation = world(grid, simulator, 20_000, 7)
+    simulator = Simulator(grid, 0.25, recourse)
+    rng, members = np.random.default_rng(7), 20_000
     for _ in range(5):
-        step = simulator.step(energy, action * 3.0, data, situation.island)
-        assert (step.energy >= simulator.low - 1e-12).all()
-        assert (step.energy <= simulator.high + 1e-12).all()
-        assert np.minimum(step.charge, step.discharge).max() == 0.0
-        fed = (simulator.sign * step.flows).sum(0) + (step.discharge - step.charge).sum(0)
-        demand = (simulator.demand[0] + simulator.demand[1] @ data).sum(0)
-        np.testing.assert_allclose(fed, demand + step.spill.sum(0), atol=1e-9)
-        energy = step.energy
+        seen = scene(simulator, members, rng, reach=3.0)
+        assert_sound(simulator, seen, simulator.step(*seen.all))
 
 
-def test_batch_equals_loop(grid: Microgrid, simulator: Simulator) -> None:
-    energy, action, data, situation = world(grid, simulator, 40, 3)
-    whole = simulator.step(energy, action, data, situation.island)
+def test_a_long_walk_stays_in_the_band(simulator: Simulator) -> None:
+    """Rounding does not add up: the state is masked anew in every step."""
+    rng = np.random.default_rng(3)
+    seen = scene(simulator, 500, rng)
+    energy = seen.energy
+    for _ in range(200):
+        action = rng.uniform(-3.0, 3.0, energy.shape)
+        energy = simulator.step(energy, action, seen.data, seen.island).energy
+        assert (energy >= simulator.low - 1e-12).all()
+        assert (energy <= simulator.high + 1e-12).all()
+
+
+def test_batch_equals_loop(simulator: Simulator) -> None:
+    seen = scene(simulator, 40, np.random.default_rng(3))
+    whole = simulator.step(*seen.all)
     for k in range(40):
-        at = [k]
-        one = simulator.step(energy[:, at], action[:, at], data[:, at], situation.island[:, at])
-        np.testing.assert_allclose(whole.cost[at], one.cost, rtol=1e-12)
-        np.testing.assert_allclose(whole.flows[:, at], one.flows, atol=1e-12)
+        one = simulator.step(*seen.of(k))
+        np.testing.assert_allclose(whole.cost[[k]], one.cost, rtol=1e-12)
+        np.testing.assert_allclose(whole.flows[:, [k]], one.flows, atol=1e-12)
 
 
+def test_data_of_one_column_serve_the_whole_batch(simulator: Simulator) -> None:
+    seen = scene(simulator, 1, np.random.default_rng(5))
+    energy = np.random.default_rng(0).uniform(simulator.low, simulator.high, (5, 7))
+    island, action = np.repeat(seen.island, 7, axis=1), np.repeat(seen.action, 7, axis=1)
+    once = simulator.step(energy, action, seen.data, island)
+    each = simulator.step(energy, action, np.repeat(seen.data, 7, axis=1), island)
+    np.testing.assert_array_equal(once.cost, each.cost)
+    np.testing.assert_array_equal(once.flows, each.flows)
+
+
+@pytest.mark.parametrize("kind", [Simulator, NetworkSimulator])
+def test_a_copy_sent_to_another_process_steps_alike(grid: Microgrid, kind: Any) -> None:
+    simulator = kind(grid, 0.25)
+    seen = scene(simulator, 3, np.random.default_rng(1))
+    ours = simulator.step(*seen.all)
+    theirs = pickle.loads(pickle.dumps(simulator)).step(*seen.all)
+    np.testing.assert_allclose(ours.cost, theirs.cost, atol=1e-9)
+    np.testing.assert_allclose(ours.energy, theirs.energy, atol=1e-9)
+
+
+def test_prices_must_agree_within_a_batch(simulator: Simulator) -> None:
+    seen = scene(simulator, 2, np.random.default_rng(5))
+    block = next(b for b in simulator.form.stage.datums if b.name == "grid.import_price")
+    seen.data[block.start] = [0.3, 0.4]
+    with pytest.raises(rs.UsageError, match="within a batch"):
+        simulator.step(*seen.all)
+
+
+@pytest.mark.parametrize("recourse", ["economic", "paper"])
 def test_numpy_equals_torch_and_its_gradient_is_the_finite_difference(
-    grid: Microgrid, simulator: Simulator
+    grid: Microgrid, recourse: Any
 ) -> None:
     torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
-    energy, action, data, situation = world(grid, simulator, 64, 11)
-    plain = simulator.step(energy, action, data, situation.island)
+    simulator = Simulator(grid, 0.25, recourse)
+    seen = scene(simulator, 64, np.random.default_rng(11))
+    plain = simulator.step(*seen.all)
 
     def total(asked: Any) -> Any:
-        tensors = [torch.as_tensor(x) for x in (energy, data, situation.island)]
+        tensors = [torch.as_tensor(x) for x in (seen.energy, seen.data, seen.island)]
         step = simulator.step(tensors[0], asked, tensors[1], tensors[2])
         return (step.cost + 0.3 * step.energy.sum(0)).sum(), step
 
-    asked = torch.as_tensor(action).requires_grad_()
+    asked = torch.as_tensor(seen.action).requires_grad_()
     value, step = total(asked)
     np.testing.assert_allclose(step.cost.detach(), plain.cost, atol=1e-12)
     np.testing.assert_allclose(step.energy.detach(), plain.energy, atol=1e-12)
+    np.testing.assert_allclose(step.flows.detach(), plain.flows, atol=1e-12)
     value.backward()
     rng = np.random.default_rng(0)
-    for _ in range(20):
-        i, k = rng.integers(action.shape[0]), rng.integers(64)
-        moved = np.zeros_like(action)
+    for _ in range(40):
+        i, k = rng.integers(seen.action.shape[0]), rng.integers(64)
+        moved = np.zeros_like(seen.action)
         moved[i, k] = 1e-6
-        ends = [float(total(torch.as_tensor(action + s * moved))[0]) for s in (1.0, -1.0)]
+        ends = [float(total(torch.as_tensor(seen.action + s * moved))[0]) for s in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / 2e-6
         assert float(asked.grad[i, k]) == pytest.approx(slope, abs=1e-5)
 
 
-def test_a_plan_replayed_has_its_cost_and_its_states(grid: Microgrid) -> None:
-    """Law 5 at copperplate: the optimum's storage decisions, stepped, cost what the plan says."""
+def test_single_precision_is_kept_by_numpy_and_torch(simulator: Simulator) -> None:
+    torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
+    seen = scene(simulator, 500, np.random.default_rng(2))
+    whole = simulator.step(*seen.all)
+    single = [x.astype(np.float32) for x in (seen.energy, seen.action, seen.data)]
+    ours = simulator.step(*single, seen.island)
+    tensors = [torch.as_tensor(x) for x in (*single, seen.island)]
+    theirs = simulator.step(*tensors)
+    for name in ("energy", "cost", "charge", "discharge", "spill", "flows"):
+        found, other = getattr(ours, name), getattr(theirs, name)
+        assert found.dtype == np.float32
+        assert other.dtype == torch.float32
+        np.testing.assert_allclose(found, getattr(whole, name), atol=2e-5)
+        np.testing.assert_allclose(other.numpy(), getattr(whole, name), atol=2e-5)
+
+
+def test_a_plan_stepped_has_its_cost_and_its_states(grid: Microgrid) -> None:
+    """At copperplate the optimum's storage decisions alone, stepped, cost what the plan says."""
     case = grid.case
     problem = horizon(case, "copperplate")
     plan = rs.solve(case, "lp", physics="copperplate")
@@ -139,42 +178,39 @@ def test_a_plan_replayed_has_its_cost_and_its_states(grid: Microgrid) -> None:
     assert spent == pytest.approx(plan.operating_cost, rel=1e-6)
 
 
-def test_an_island_with_no_source_sheds_and_moves_nothing() -> None:
+def test_what_a_step_cannot_hold_is_refused_all_at_once() -> None:
+    with pytest.raises(rs.UsageError, match=r"generator\.on.*generator\.up_left") as refused:
+        Simulator(microgrid(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
+    assert refused.value.hint == (
+        "it steps cases without commitment, ramps, cost curves, switchable lines and line ratings"
+    )
+    with pytest.raises(rs.UsageError, match="steps copperplate physics, not lindistflow"):
+        Simulator(microgrid(rs.load_case("ieee33"), "lindistflow"), 0.25)
+
+
+@pytest.mark.parametrize(
+    ("about", "generator", "named"),
+    [
+        ({"rating_mva": 1.0}, {}, "line ratings"),
+        ({"switchable": True}, {}, r"line\.closed"),
+        ({}, {"ramp_up_mw_per_h": 1.0}, r"generator\.p_before"),
+        ({}, {"cost_curve": [[0.0, 0.0], [1.0, 2.0]]}, r"generator\.curve\.generator1"),
+    ],
+)
+def test_each_thing_that_a_step_cannot_hold(
+    about: dict[str, Any], generator: dict[str, Any], named: str
+) -> None:
     case = small(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        about=[{"name": "1-2", **about}],
+        generator=[{"p_max_mw": 1.0, **generator}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
-        ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 2.0, "grid_forming": False}],
-        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
     )
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
-    situation = simulator.grid.situation(np.array([[False, True]]))
-    data = simulator.stacked(simulator.grid.data(situation))
-    step = simulator.step(np.ones((1, 2)), -np.ones((1, 2)), data, situation.island)
-    assert step.cost == pytest.approx([5.0, 0.0])
-    assert step.energy[0] == pytest.approx([1.0, 0.0])
+    with pytest.raises(rs.UsageError, match=named):
+        Simulator(microgrid(case, "copperplate"), 1.0)
 
 
-def test_islanded_charging_and_surplus_discharge_are_cut_back() -> None:
-    """A store cannot charge from nothing nor discharge into nothing, whatever is asked."""
-    case = small(
-        load=[{"p_max_mw": 0.4, "shed_cost_per_mwh": 5.0}],
-        ess=[{"p_max_mw": 1.0, "e_mwh": 4.0}],
-        pv=[{"p_max_mw": 0.6, "curtailable": False}],
-    )
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
-    situation = simulator.grid.situation(np.ones((0, 2), bool))
-    data = simulator.stacked(simulator.grid.data(situation))
-    step = simulator.step(np.full((1, 2), 2.0), np.array([[1.0, -1.0]]), data, situation.island)
-    # Charging may shed the load: 0.6 of sun and 0.4 of load make 1.0 - 0.4 = 0.6 at most.
-    assert step.charge[0] == pytest.approx([0.6, 0.0])
-    assert step.discharge[0] == pytest.approx([0.0, 0.0])
-    assert step.spill[0] == pytest.approx([0.0, 0.2])
-
-
-def test_what_a_step_cannot_decide_is_refused() -> None:
-    with pytest.raises(rs.UsageError, match=r"generator\.on"):
-        Simulator(microgrid(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
-    with pytest.raises(rs.UsageError, match="copperplate"):
-        Simulator(microgrid(rs.load_case("ieee33"), "lindistflow"), 0.25)
+def test_an_unknown_recourse_is_refused(grid: Microgrid) -> None:
+    with pytest.raises(rs.UsageError, match="'cheap' is unknown; allowed: economic, paper"):
+        Simulator(grid, 0.25, "cheap")  # type: ignore[arg-type]

@@ -1,0 +1,145 @@
+"""A plan done again: its decisions are fixed, its states and costs worked out anew.
+
+Decisions are everything that a plan sets in a slot: powers, flows, losses, commitment. They pass
+through the stage slot by slot, from the states that the replay itself has reached:
+
+- a state that an equality row ties to its past (stored energy, running) follows from that row;
+- a state that is a maximum (hours still to wait) is that maximum;
+- a state that only a decision sets (a switched line) is as decided.
+
+What was spent is priced with the stage's own terms at the point so reached, and every row, bound
+and structure is audited there, so that a decision that does not fit the others is found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.errors import UsageError
+from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.form import Form
+from resilience.models.microgrid import Physics
+from resilience.models.problem import Problem, horizon
+from resilience.models.referee import Audit, audit
+from resilience.models.standard import Standard
+from resilience.models.unroll import unroll
+
+if TYPE_CHECKING:
+    from resilience.results import Plan
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """What a plan's decisions lead to.
+
+    Attributes:
+        operating_cost: $.
+        costs: $ per term.
+        states: (labels, slots) by name, at the end of every slot, as `ess.energy` in MWh.
+        audit: worst scaled violation per row, bound and structure at the point reached.
+    """
+
+    operating_cost: float
+    costs: dict[str, float]
+    states: dict[str, Floats]
+    audit: Audit
+
+
+def replay(plan: Plan) -> Replayed:
+    """Does a plan again at its own physics (law 5 of the design).
+
+    A plan of `solve` has its own operating cost and states again, to the solver's tolerance.
+
+    Args:
+        plan: from `solve`, or loaded.
+
+    Raises:
+        UsageError: the plan does not carry its case or its variables.
+    """
+    if plan.case is None or "variables" not in plan.tables:
+        raise UsageError(
+            "a plan is replayed from its case and its table `variables`; it lacks one of them",
+            hint="solve the case again",
+        )
+    problem = horizon(plan.case, cast(Physics, plan.physics))
+    table = plan.tables["variables"]
+    if table.labels != variables(problem.standard):
+        raise UsageError(
+            "the plan's variables are not those of its case at its physics",
+            hint="it was saved by another version; solve the case again",
+        )
+    return redo(problem, table.values)
+
+
+def variables(problem: Standard) -> Labels:
+    """`ess.charge[ess1]`, ...: every variable of a slot, in the order of `per_slot`."""
+    return tuple(f"{b.name}[{label}]" for b in problem.forms[0].own for label in b.labels)
+
+
+def per_slot(problem: Standard, z: Floats) -> Floats:
+    """(variables, slots) the values of a horizon's columns."""
+    found: Floats = z[problem.tables[0][:, problem.forms[0].n_now :]].T
+    return found
+
+
+def redo(problem: Problem, decisions: Floats) -> Replayed:
+    """Fixes the decisions (variables, slots) of a horizon and works out what follows."""
+    free = unroll([problem.standard.forms[0].stage], problem.standard.tree)  # no terminal value
+    form, table = free.forms[0], free.tables[0]
+    data = free.data_matrix(problem.data, form, free.members[0])
+    rhs = form.rhs[:, None] + form.rhs_data @ data
+    follow = _Follow(form)
+    z = np.zeros(free.n_columns)
+    for name, at in free.initial.items():
+        z[at] = problem.x0[name]
+    for t in range(free.tree.n):
+        z[table[t, form.n_now :]] = decisions[:, t]
+        z[table[t]] = follow(z[table[t]], rhs[:, t])
+    terms = free.cost_terms(z, problem.data)
+    costs = {name: float(spent.sum()) for name, spent in terms.items()}
+    states = {b.name: z[free.columns(b.name)] for _, b in form.stage.states}
+    checked = audit(free, z, free.vectors(problem.data, problem.x0))
+    return Replayed(sum(costs.values()), costs, states, checked)
+
+
+class _Follow:
+    """Overwrites, in one slot's values, the states at its end by what rows and maxima make them."""
+
+    def __init__(self, form: Form) -> None:
+        blocks = [after for _, after in form.stage.states]
+        none = np.empty(0, np.intp)
+        self.states: Ints = np.concatenate([none, *(form.position[b.slice] for b in blocks)])
+        a = form.a.tocsr()
+        found = [self._row(a, form.equality, k) for k in range(len(self.states))]
+        tied = np.array([k for k, row in enumerate(found) if row >= 0], np.intp)
+        self.tied, self.rows = self.states[tied], np.array([r for r in found if r >= 0], np.intp)
+        self.a = a[self.rows]
+        self.pivot = self.a[np.arange(len(tied)), self.tied]
+        self.maxima = [
+            (form.matrix(s.args[0]).indices, [(form.matrix(x), x.const) for x in s.args[1:]])
+            for s in form.stage.structures
+            if s.kind == "largest"
+        ]
+
+    def _row(self, a: sp.csr_array, equality: Floats, k: int) -> int:
+        """The equality row that ties state k to its past, or sets it alone; -1 if there is none."""
+        rows = np.flatnonzero(equality & (a[:, [self.states[k]]].toarray().ravel() != 0.0))
+        at = a[rows].tocsc()
+        alone = np.diff(at[:, self.states].tocsr().indptr) == 1
+        past = at[:, [k]].toarray().ravel() != 0.0  # present values come first, in the same order
+        for choice in (rows[alone & past], rows[alone]):
+            if len(choice) == 1:
+                return int(choice[0])
+        return -1
+
+    def __call__(self, z: Floats, rhs: Floats) -> Floats:
+        """(columns,) of a slot, its states made to follow; rhs (rows,)."""
+        z = z.copy()
+        z[self.tied] += (rhs[self.rows] - self.a @ z) / self.pivot
+        for at, parts in self.maxima:
+            z[at] = np.max([m @ z + c for m, c in parts], axis=0)
+        return z

@@ -1,0 +1,44 @@
+"""Which side of a grid connection to close where importing and exporting at once would earn."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from resilience.errors import UsageError
+from resilience.models.algebra import Floats
+from resilience.models.simulator.plant import Plant
+
+MOST = 4  # connections for which both sides are tried, 2^4 ways
+TINY = 1e-12
+Bools = np.ndarray
+
+
+def modes(plant: Plant, prices: Floats) -> list[Bools]:
+    """(columns,) sources to close, per way; one way that closes nothing where nobody can earn so.
+
+    The cheapest dispatch does both at once only where both prices together earn, as negative
+    prices may, so only there a way is to be chosen.
+
+    Args:
+        plant: the stage as a step sees it.
+        prices: (columns,) $ per MW.
+
+    Raises:
+        UsageError: too many connections would earn.
+    """
+    ways = [np.flatnonzero(plant.kinds == f"grid.{way}") for way in ("import", "export")]
+    both = np.stack(ways)[:, prices[ways[0]] + prices[ways[1]] < -TINY]
+    if both.shape[1] > MOST:
+        raise UsageError(
+            f"{both.shape[1]} grid connections earn by importing and exporting at once; "
+            f"allowed: {MOST}",
+            hint="an import price below what exports earn is a mistake in most cases",
+        )
+    found = []
+    for sides in product((0, 1), repeat=both.shape[1]):
+        closed = np.zeros(len(prices), bool)
+        closed[both[list(sides), np.arange(both.shape[1])]] = True
+        found.append(closed)
+    return found

@@ -1,0 +1,160 @@
+"""The stage stepped on the network: a linear program per member, voltages and ratings held.
+
+The interface is that of `Simulator`, for comparisons at `lindistflow`, or at copperplate where
+lines have ratings. Recourse is the cheapest dispatch of the slot. Storage follows the masked order
+unless even shedding cannot close the balance within the network's limits: following a MW of it is
+worth more than any price, and taking power that must be taken is worth more still, so that cutting
+storage back comes last but for spilling. At copperplate without ratings both steps agree, except
+that units which are cut back together share the cut in proportion there and in any way here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from resilience.errors import SolverError, UsageError
+from resilience.models.algebra import Floats, Ints
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import lower
+from resilience.models.microgrid import Microgrid
+from resilience.models.simulator.arrays import NumPy, namespace
+from resilience.models.simulator.modes import modes
+from resilience.models.simulator.plant import STATE, Plant
+from resilience.models.simulator.refusals import refuse
+from resilience.models.simulator.simulator import Step
+from resilience.models.standard import Vectors
+from resilience.models.tree import Tree
+from resilience.models.unroll import unroll
+
+FOLLOW = 1e3  # times the largest price: what a MW of the order is worth
+TAKE = 30.0  # times that: what a MW that must be taken is worth
+
+
+class NetworkSimulator(Plant):
+    """Steps a microgrid with its voltages and line ratings, one HiGHS for all members and slots.
+
+    Args:
+        grid: the microgrid at copperplate or lindistflow.
+        dt: length of a step, h.
+
+    Raises:
+        UsageError: distflow; or the stage needs decisions (commitment, blocks, switching), memory
+            (ramps) or curves that a step does not hold.
+    """
+
+    heuristic = ()
+
+    def __init__(self, grid: Microgrid, dt: float) -> None:
+        if grid.physics == "distflow":
+            raise UsageError(
+                "the network simulator steps lindistflow or copperplate, not distflow",
+                hint="its recourse is a linear program; AC power flow certifies afterwards",
+            )
+        super().__init__(grid, dt)
+        refuse(self, blocks=False, ratings=False)
+        self.problem = unroll([self.form.stage], Tree.chain(["now"]))
+        self.solver = Highs(lower(self.problem, exact={}), duals=False)
+        self.table = self.problem.tables[0][0]
+
+    def __reduce__(self) -> tuple[type[NetworkSimulator], tuple[Microgrid, float]]:
+        return NetworkSimulator, (self.grid, self.dt)  # a solver cannot be sent to a process
+
+    def step(self, energy: Floats, action: Floats, data: Floats, island: Ints) -> Step:
+        """One step; see `Simulator.step`. NumPy arrays only.
+
+        Raises:
+            UsageError: torch arrays, or prices that differ within the batch.
+            SolverError: a member has no dispatch at all.
+        """
+        ops = namespace(energy)
+        if not isinstance(ops, NumPy):
+            raise UsageError(
+                "the network simulator steps NumPy arrays", hint="gradients need Simulator"
+            )
+        prices, held = self.prices(data)
+        charge, discharge = self.masked(ops, energy, action, data)
+        batch = _Batch.of(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
+        closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
+        z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T
+        z = z[self.table]
+        charge, discharge = (
+            np.clip(z[columns], 0.0, most)
+            for columns, most in zip(self.stored, (charge, discharge), strict=True)
+        )
+        flows = z[self.sources]
+        spilled = np.maximum(batch.least - flows[batch.must], 0.0)
+        flows[batch.must] += spilled  # it came, and is spilled: as the other simulator counts it
+        cost = prices @ flows + held[0] @ charge + held[1] @ discharge
+        cost = cost + self.form.offset + self.form.offset_data @ ops.wide(data, len(cost))
+        spill = np.zeros((self.n_buses, energy.shape[1]))
+        where = island[self.bus[batch.must]], np.arange(energy.shape[1])[None, :]
+        np.add.at(spill, where, spilled)
+        after = self.after(energy, charge, discharge)
+        return Step(after, cost, charge, discharge, spill, lambda: flows)
+
+    def _best(self, batch: _Batch, k: int, closed: list[Ints]) -> Floats:
+        best, least = None, np.inf
+        for shut in closed:
+            vectors = batch.vectors(k)
+            self.solver.update(vectors.fixed(shut, np.zeros(len(shut))) if len(shut) else vectors)
+            found = self.solver.solve()
+            if found.z is not None and found.objective < least:
+                best, least = found.z, found.objective
+        if best is None:
+            raise SolverError(
+                f"member {k} has no dispatch within the network's limits, whatever is shed",
+                hint="look for a voltage band or a reactive limit that excludes standing still",
+            )
+        return best
+
+
+@dataclass
+class _Batch:
+    """Vectors of all members, rows first; `must` are sources whose power has to be taken."""
+
+    cost: Floats
+    lower: Floats
+    upper: Floats
+    row_lower: Floats
+    row_upper: Floats
+    must: Ints
+    least: Floats
+
+    @classmethod
+    def of(
+        cls, plant: NetworkSimulator, energy: Floats, asked: tuple[Floats, Floats], data: Floats
+    ) -> _Batch:
+        form, problem, table = plant.form, plant.problem, plant.table
+        changed = form.fixed[:, None] + form.moving @ data
+        a, b, c = form.parts
+        n, members = problem.n_columns, energy.shape[1]
+        lower, upper, cost = np.zeros((members, n)), np.zeros((members, n)), np.zeros(n)
+        own = table[form.n_now :]
+        lower[:, own], upper[:, own] = changed[:a].T, changed[a:b].T
+        rhs = changed[b:c].T.copy()
+        np.add.at(cost, table, changed[c:, 0])
+        if len(plant.units):
+            at = problem.initial[STATE]
+            lower[:, at] = upper[:, at] = energy.T
+        follow = FOLLOW * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
+        for columns, power in zip(plant.stored, asked, strict=True):
+            upper[:, table[columns]] = power.T
+            cost[table[columns]] -= follow
+        must = np.flatnonzero((plant.kinds == "pv.p") & (plant.sign[:, 0] > 0))
+        columns = table[plant.sources[must]]
+        least = lower[:, columns].T.copy()
+        must, least = must[least.any(1)], least[least.any(1)]
+        columns = table[plant.sources[must]]
+        lower[:, columns] = 0.0
+        cost = np.broadcast_to(cost, (members, n)).copy()
+        # Only what has to be taken is worth so much: where a member has none, nothing changes.
+        cost[:, columns] -= TAKE * follow * (least.T > 0.0)
+        return cls(cost, lower, upper, np.where(problem.equality, rhs, -np.inf), rhs, must, least)
+
+    def vectors(self, k: int) -> Vectors:
+        """Those of one member."""
+        return Vectors(
+            self.cost[k], 0.0, self.lower[k], self.upper[k], self.row_lower[k], self.row_upper[k]
+        )

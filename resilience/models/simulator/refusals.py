@@ -1,0 +1,45 @@
+"""What a step cannot hold is refused with a hint, all of it at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.errors import UsageError
+
+if TYPE_CHECKING:
+    from resilience.models.simulator.plant import Plant
+
+STATES = ("ess.energy",)
+BLOCKS = ("load.on",)
+
+
+def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
+    """Raises where the stage needs more than a step holds.
+
+    Args:
+        plant: the stage as a step sees it.
+        blocks: whether the step sheds blocks.
+        ratings: whether line ratings are refused.
+
+    Raises:
+        UsageError: it does; everything that is too much is named.
+    """
+    stage, form = plant.form.stage, plant.form
+    known = BLOCKS if blocks else ()
+    whole = [b.name for b in form.own if b.n and form.integer[form.span(b)[0]]]
+    found = [f"decide {name!r}" for name in whole if name not in known]
+    memory = [after.name for _, after in stage.states if after.name not in (*STATES, *whole)]
+    found += [f"remember {name!r}" for name in memory]
+    curves = [s.name for s in stage.structures if s.kind == "adjacent"]
+    found += [f"hold the cost curve {name!r}" for name in curves]
+    if ratings and np.isfinite(plant.grid.network.rating_mva).any():
+        found.append("hold line ratings")
+    if found:
+        without = ["commitment", "ramps", "cost curves", "switchable lines"]
+        without += ([] if blocks else ["blocks"]) + (["line ratings"] if ratings else [])
+        raise UsageError(
+            f"the simulator does not {', '.join(found)}",
+            hint=f"it steps cases without {', '.join(without[:-1])} and {without[-1]}",
+        )

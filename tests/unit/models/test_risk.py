@@ -1,0 +1,72 @@
+"""Risk as a number, and as the objective of a program whose prices change in place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from resilience.dispatch.statistics import conditional_value_at_risk
+from resilience.errors import UsageError
+from resilience.models.risk import Risk, RiskAverse, node_prices
+from resilience.models.stage import Stage
+from resilience.models.tree import Tree
+from resilience.models.unroll import unroll
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.75, 0.95])
+def test_it_is_the_mean_and_the_tail(alpha: float) -> None:
+    rng = np.random.default_rng(3)
+    cost, p = rng.normal(size=40), rng.random(40)
+    p /= p.sum()
+    tail = conditional_value_at_risk(cost, alpha, p)
+    assert Risk(alpha, 0.3).of(cost, p) == pytest.approx(0.7 * (p @ cost) + 0.3 * tail)
+    assert Risk(alpha, 0.0).of(cost, p) == pytest.approx(p @ cost)
+
+
+def test_words_for_it() -> None:
+    assert Risk.parse("cvar:0.9:0.25") == Risk(0.9, 0.25)
+    assert Risk.parse("mean") == Risk()
+    for wrong in ("cvar", "cvar:0.9", "cvar:a:b", "var:0.9:0.1", "cvar:1:0.5", "cvar:0.5:2"):
+        with pytest.raises(UsageError, match="hint"):
+            Risk.parse(wrong)
+
+
+def fan() -> tuple[Stage, Tree]:
+    """Order now, at a price; after it what is missing is bought, at another."""
+    stage = Stage(1.0)
+    now, after = stage.state("stock", ["a"], 0.0, 4.0, unit="1")
+    price, need = stage.data("price", ["a"]), stage.data("need", ["a"])
+    buy = stage.var("buy", ["a"], 0.0, 9.0)
+    stage.eq("stock", after, now + buy - need)
+    stage.cost("buying", buy, price)
+    tree = Tree(
+        np.array([-1, 0, 0]), np.array([1.0, 0.25, 0.75]), np.zeros(3, int), ("now", "dear", "fair")
+    )
+    return stage, tree
+
+
+def test_new_prices_need_no_new_model() -> None:
+    """Need 1 later: bought now for 2, it costs 2 in both scenarios; bought later, 6 or 1."""
+    stage, tree = fan()
+    problem = unroll([stage], tree)
+    solver = RiskAverse(problem, Risk(0.5, 0.5))
+    need = np.array([[0.0, 1.0, 1.0]])
+    # Later: mean 2.25, CVaR 0.5 is (6 + 1) / 2 = 3.5. At 9 and 0.5: 2.625 and 4.75. At 2 and 1:
+    # 1.25 and 1.5, less than buying now.
+    for prices, expected in (([2, 6, 1], 2.0), ([3, 9, 0.5], 3.0), ([2, 2, 1], 1.375)):
+        data = {"price": np.array([prices], float), "need": need}
+        solver.price(data)
+        solver.update(problem.vectors(data, {"stock": np.zeros(1)}))
+        found = solver.solve()
+        assert found.objective == pytest.approx(expected)
+        assert solver.certified_bound(found) == pytest.approx(expected)
+
+
+def test_prices_of_nodes_add_up_to_the_cost_vector() -> None:
+    stage, tree = fan()
+    problem = unroll([stage], tree)
+    data = {"price": np.array([[2.0, 6.0, 1.0]]), "need": np.ones((1, 3))}
+    prices, offset = node_prices(problem, data)
+    vectors = problem.vectors(data, {"stock": np.zeros(1)})
+    assert tree.probability @ prices == pytest.approx(vectors.cost)
+    assert tree.probability @ offset == pytest.approx(vectors.offset)

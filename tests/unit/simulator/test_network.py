@@ -1,0 +1,105 @@
+"""Stepping with voltages and ratings: what they cost, by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from small import small
+from stepping import assert_sound, scene
+
+import resilience as rs
+from resilience.case import Case
+from resilience.models.microgrid import Physics, microgrid
+from resilience.models.simulator import NetworkSimulator, Simulator
+
+LOAD = {"bus": "2", "p_max_mw": 1.5, "shed_cost_per_mwh": 5.0}
+ESS = {"bus": "2", "p_max_mw": 1.0, "e_mwh": 4.0}
+GRID = {"import_max_mw": 5.0, "import_cost_per_mwh": 1.0}
+
+
+def two_buses(r: float = 0.1, rating: float | None = None, **devices: Any) -> Case:
+    about = [] if rating is None else [{"name": "1-2", "rating_mva": rating}]
+    devices = {"load": [LOAD], "ess": [ESS], "grid": [GRID], **devices}
+    return small(buses=2, lines=[(1, 2, r, 0.0)], about=about, **devices)
+
+
+def stepped(case: Case, physics: Physics, *action: float) -> dict[str, Any]:
+    simulator = NetworkSimulator(microgrid(case, physics), 1.0)
+    n = len(action)
+    lines = len(case.network.line_names)
+    situation = simulator.grid.situation(np.ones((lines, n), bool), lambda _: np.ones(n))
+    data = simulator.stacked(simulator.grid.data(situation))
+    energy = np.full((1, n), 2.0)
+    step = simulator.step(energy, np.array([action]), data, situation.island)
+    found = dict(zip(simulator.columns, step.flows, strict=True))
+    more = {"charge": step.charge[0], "discharge": step.discharge[0], "cost": step.cost}
+    return {**found, **more, "spill": step.spill.sum(0), "energy": step.energy[0]}
+
+
+def test_a_low_voltage_sheds_what_the_line_cannot_bring() -> None:
+    """v = 1 - 2 * 0.1 * P >= 0.81 lets 0.95 MW through, for load and charging alike."""
+    found = stepped(two_buses(), "lindistflow", 0.0, 0.3, -0.4)
+    assert found["load.shed[load1]"] == pytest.approx([0.55, 0.85, 0.15], abs=1e-6)
+    assert found["charge"] == pytest.approx([0.0, 0.3, 0.0], abs=1e-6)
+    assert found["energy"] == pytest.approx([2.0, 2.3, 1.6], abs=1e-6)
+    assert found["cost"] == pytest.approx([0.95 + 2.75, 0.95 + 4.25, 0.95 + 0.75], abs=1e-6)
+
+
+def test_charging_is_cut_back_where_even_shedding_does_not_lift_the_voltage() -> None:
+    """r = 0.2: 0.475 MW get through. All load is shed for 0.475 of the 1 MW asked for."""
+    found = stepped(two_buses(0.2), "lindistflow", 1.0)
+    assert found["charge"] == pytest.approx([0.475], abs=1e-6)
+    assert found["load.shed[load1]"] == pytest.approx([1.5], abs=1e-6)
+
+
+def test_a_high_voltage_cuts_discharging_back_and_then_spills() -> None:
+    """v = 1 + 0.2 P <= 1.21 lets 1.05 MW out; of 2 MW that must be taken 0.5 are used here."""
+    case = two_buses(
+        load=[{**LOAD, "p_max_mw": 0.5}],
+        pv=[{"bus": "2", "p_max_mw": 2.0, "curtailable": False}],
+        grid=[{**GRID, "export_max_mw": 5.0}],
+    )
+    found = stepped(case, "lindistflow", 0.0, -1.0, 0.2)
+    assert found["spill"] == pytest.approx([0.45, 0.45, 0.25], abs=1e-6)
+    assert found["discharge"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    assert found["charge"] == pytest.approx([0.0, 0.0, 0.2], abs=1e-6)
+
+
+def test_a_rating_binds_at_copperplate() -> None:
+    found = stepped(two_buses(rating=1.0), "copperplate", 0.0, 0.5)
+    assert found["load.shed[load1]"] == pytest.approx([0.5, 1.0], abs=1e-6)
+    with pytest.raises(rs.UsageError, match="line ratings"):
+        Simulator(microgrid(two_buses(rating=1.0), "copperplate"), 1.0)
+
+
+def test_ieee33_on_its_feeder_sheds_no_less_than_on_a_copper_plate() -> None:
+    case = rs.load_case("ieee33")
+    wired = NetworkSimulator(microgrid(case, "lindistflow"), 0.25)
+    plate = Simulator(microgrid(case, "copperplate"), 0.25)
+    assert wired.columns == plate.columns
+    assert wired.units == plate.units
+    ours = scene(wired, 12, np.random.default_rng(5))
+    theirs = scene(plate, 12, np.random.default_rng(5))
+    step, free = wired.step(*ours.all), plate.step(*theirs.all)
+    assert_sound(wired, ours, step, tolerance=1e-6)
+    followed = np.abs(step.charge - step.discharge - free.charge + free.discharge).max(0) < 1e-6
+    assert followed.sum() >= 6
+    assert (step.cost >= free.cost - 1e-6)[followed].all()
+
+
+def test_what_the_network_step_cannot_hold_is_refused() -> None:
+    with pytest.raises(rs.UsageError, match="not distflow"):
+        NetworkSimulator(microgrid(rs.load_case("ieee33"), "distflow"), 0.25)
+    with pytest.raises(rs.UsageError, match=r"load\.on") as refused:
+        NetworkSimulator(microgrid(two_buses(load=[{**LOAD, "block": True}]), "lindistflow"), 1.0)
+    assert "blocks" in refused.value.hint
+
+
+def test_gradients_need_the_other_simulator() -> None:
+    torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
+    simulator = NetworkSimulator(microgrid(two_buses(), "copperplate"), 1.0)
+    energy = torch.full((1, 1), 2.0)
+    with pytest.raises(rs.UsageError, match="NumPy"):
+        simulator.step(energy, energy, energy, energy)  # type: ignore[arg-type]
