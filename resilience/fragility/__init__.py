@@ -7,8 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from resilience.fragility.bell import Bell, case_bell
+    from resilience.fragility.curves import CURVES, Curve, hardened, restated
+    from resilience.fragility.damage import Timing, failed_by, first_failure, hazard
     from resilience.fragility.files import load_scenarios
     from resilience.fragility.forecast import ForecastError, sample_profiles
+    from resilience.fragility.lines import (
+        Lines,
+        Series,
+        SpanWind,
+        failure_probability,
+        joint_probability,
+        poles_in_series,
+    )
     from resilience.fragility.outages import (
         breakpoints,
         fixed,
@@ -16,38 +26,79 @@ if TYPE_CHECKING:
         sample_bell,
         sample_outages,
     )
+    from resilience.fragility.reduction import reduced
+    from resilience.fragility.repair import Repair
     from resilience.fragility.report import print_scenarios, summary
     from resilience.fragility.scenarios import Scenarios
+    from resilience.fragility.storms import Sampling, effective_size, sample_storms
 
 _HOMES = {
+    "CURVES": "curves",
     "Bell": "bell",
+    "Curve": "curves",
     "ForecastError": "forecast",
+    "Lines": "lines",
+    "Repair": "repair",
+    "Sampling": "storms",
     "Scenarios": "scenarios",
+    "Series": "lines",
+    "SpanWind": "lines",
+    "Timing": "damage",
     "breakpoints": "outages",
     "case_bell": "bell",
+    "effective_size": "storms",
+    "failed_by": "damage",
+    "failure_probability": "lines",
+    "first_failure": "damage",
     "fixed": "outages",
+    "hardened": "curves",
+    "hazard": "damage",
+    "joint_probability": "lines",
     "load_scenarios": "files",
     "outages_from": "outages",
+    "poles_in_series": "lines",
     "print_scenarios": "report",
+    "reduced": "reduction",
+    "restated": "curves",
     "sample_bell": "outages",
     "sample_outages": "outages",
     "sample_profiles": "forecast",
+    "sample_storms": "storms",
     "summary": "report",
 }
 
 __all__ = [
+    "CURVES",
     "Bell",
+    "Curve",
     "ForecastError",
+    "Lines",
+    "Repair",
+    "Sampling",
     "Scenarios",
+    "Series",
+    "SpanWind",
+    "Timing",
     "breakpoints",
     "case_bell",
+    "effective_size",
+    "failed_by",
+    "failure_probability",
+    "first_failure",
     "fixed",
+    "hardened",
+    "hazard",
+    "joint_probability",
     "load_scenarios",
     "outages_from",
+    "poles_in_series",
     "print_scenarios",
+    "reduced",
+    "restated",
     "sample_bell",
     "sample_outages",
     "sample_profiles",
+    "sample_storms",
     "summary",
 ]
 

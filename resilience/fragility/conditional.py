@@ -5,6 +5,7 @@ centre. Failure times are stratified line by line, so that few paths already sho
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,12 +22,45 @@ class Known:
         centre: slot of 15 minutes at which today's hazard peaks, -1 where unknown.
         since: (lines,) slot of the day in which a line that is down failed, -1 where it is up.
         spent: (lines,) True where a line has failed today already.
+        day: number of the day, from 0.
+        first: (lines,) slot of a line's first failure, -1 where it has none; None: not remembered.
     """
 
     t: int
     centre: int
     since: Ints
     spent: Bools
+    day: int = 0
+    first: Ints | None = None
+
+
+@dataclass(frozen=True)
+class DayDraw:
+    """Uniform numbers behind the paths of one day; the same ones serve in every slot of it.
+
+    Attributes:
+        fail, length, left: (lines, paths) of the time of failure, of the length of an outage, and
+            of what is left of one that runs.
+        centre, shared: (paths,) of the centre, and of a shift common to all lines.
+        shift: (lines, paths) of each line's own.
+    """
+
+    fail: Floats
+    length: Floats
+    left: Floats
+    centre: Floats
+    shared: Floats
+    shift: Floats
+
+    @classmethod
+    def of(cls, lines: int, paths: int, rng: np.random.Generator) -> DayDraw:
+        """Draws a day; every row is stratified over the paths."""
+
+        def rows(n: int) -> Floats:
+            return np.array([strata(paths, rng) for _ in range(n)]).reshape(n, paths)
+
+        one = rows(2)
+        return cls(rows(lines), rows(lines), rows(lines), one[0], one[1], rows(lines))
 
 
 def strata(n: int, rng: np.random.Generator) -> Floats:
@@ -35,43 +69,99 @@ def strata(n: int, rng: np.random.Generator) -> Floats:
     return found
 
 
-def futures(
-    bell: Bell, known: Known, slots: int, per_day: int, n: int, rng: np.random.Generator
-) -> Bools:
-    """(lines, slots, n) where lines are down in the `slots` after slot t, on equally likely paths.
+def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDraw]) -> Bools:
+    """(lines, slots, paths) where lines are down after slot t, on equally likely paths.
 
     The present day's centre is known or drawn alike; that of days to come is drawn. Slots of one
     line's failure are stratified; so are the lengths of outages that have begun.
+
+    Args:
+        bell: the process.
+        known: what is known now.
+        slots: how far to look, slots of the case.
+        per_day: slots of a day.
+        days: draws of today and of every later day that the slots reach.
     """
-    lines = len(known.since)
-    down = np.zeros((lines, slots, n), bool)
-    for k in range(lines):
-        if known.since[k] >= 0:
-            left = _remaining(bell, known.t - int(known.since[k]), per_day, n, rng)
-            _mark(down[k], np.zeros(n, np.intp), np.minimum(left, per_day - known.t - 1))
-    for day in range(0, (known.t + slots) // per_day + 1):
+    lines, paths = days[0].fail.shape
+    down = np.zeros((lines, slots, paths), bool)
+    for k in np.flatnonzero(known.since >= 0).tolist():
+        left = _remaining(bell, known.t - int(known.since[k]), per_day, days[0].left[k])
+        _mark(down[k], np.zeros(paths, np.intp), np.minimum(left, per_day - known.t - 1))
+    for day, draw in enumerate(days[: days_reached(known.t, slots, per_day)]):
         start = day * per_day - known.t - 1
-        centre = _centres(bell, known.centre if day == 0 else -1, n, rng)
-        shared = rng.integers(-bell.shift_slots, bell.shift_slots + 1, n)
+        centre = _centres(bell, known.centre if day == 0 else -1, draw.centre)
         for k in range(lines):
-            if day == 0 and (known.since[k] >= 0 or (known.spent[k] and not bell.refail)):
+            if day == 0 and _over(bell, known)[k]:
                 continue
-            own = rng.integers(-bell.shift_slots, bell.shift_slots + 1, n)
-            shift = 0 if k == 0 else shared if bell.shared_shift else own
+            shift = (
+                0 if k == 0 else _shift(bell, draw.shared if bell.shared_shift else draw.shift[k])
+            )
             chance = bell.slot_probability(centre + shift, 24 * 60 / per_day)
             if day == 0:
                 chance[:, : known.t + 1] = 0.0
-            first, fails = _first(chance, strata(n, rng))
-            length = _lengths(bell, per_day, n, rng)
+            first, fails = _first(chance, draw.fail[k])
+            length = _lengths(bell, per_day, draw.length[k])
             length = np.where(fails, np.minimum(length, per_day - first), 0)
             _mark(down[k], start + first, length)
     return down
 
 
-def _centres(bell: Bell, known: int, n: int, rng: np.random.Generator) -> Ints:
+def chances(bell: Bell, known: Known, slots: int, per_day: int) -> Floats:
+    """(lines, slots) probability that a line's outage begins in each of the `slots` after slot t.
+
+    Averaged over the shift, and over the centre where it is not known.
+    """
+    found = np.zeros((len(known.since), slots))
+    for day in range(days_reached(known.t, slots, per_day)):
+        begin = day * per_day - known.t - 1
+        at = np.arange(max(begin, 0), min(begin + per_day, slots))
+        may = ~_over(bell, known) if day == 0 else np.ones(len(found), bool)
+        centre = known.centre if day == 0 else -1
+        # The first line follows the centre, all others are shifted alike.
+        for k in np.flatnonzero(may).tolist():
+            shift = bell.shift_slots if k else 0
+            first = known.t + 1 if day == 0 else 0
+            found[k, at] += _starts(bell, centre, shift, per_day, first)[at - begin]
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _starts(bell: Bell, centre: int, shift_slots: int, per_day: int, first: int) -> Floats:
+    """(per_day,) probability that an outage begins in a slot, of a line up at `first`."""
+    centres = np.array([centre]) if centre >= 0 else bell.centre_slots()
+    peaks = np.add.outer(centres, np.arange(-shift_slots, shift_slots + 1)).ravel()
+    chance = bell.slot_probability(peaks, 24 * 60 / per_day)
+    chance[:, :first] = 0.0
+    before = np.ones_like(chance)
+    np.cumprod(1.0 - chance[:, :-1], axis=1, out=before[:, 1:])
+    found: Floats = (chance * before).mean(0)
+    return found
+
+
+def days_reached(t: int, slots: int, per_day: int) -> int:
+    """Days that the `slots` after slot t of a day touch, today included."""
+    return (t + slots) // per_day + 1
+
+
+def expected_left(bell: Bell, elapsed: int, per_day: int) -> int:
+    """Slots after the present one that an outage of that age lasts: their mean, rounded up."""
+    return int(np.ceil(_lengths_left(bell, elapsed, per_day).mean() - 1e-9))
+
+
+def _over(bell: Bell, known: Known) -> Bools:
+    """(lines,) lines that cannot fail any more today."""
+    found: Bools = (known.since >= 0) | (known.spent & (not bell.refail))
+    return found
+
+
+def _centres(bell: Bell, known: int, u: Floats) -> Ints:
     slots = bell.centre_slots()
-    drawn = slots[(strata(n, rng) * len(slots)).astype(int)]
-    return drawn if known < 0 else np.full(n, known)
+    return slots[(u * len(slots)).astype(int)] if known < 0 else np.full(len(u), known)
+
+
+def _shift(bell: Bell, u: Floats) -> Ints:
+    found: Ints = (u * (2 * bell.shift_slots + 1)).astype(np.intp) - bell.shift_slots
+    return found
 
 
 def _first(chance: Floats, u: Floats) -> tuple[Ints, Bools]:
@@ -81,23 +171,26 @@ def _first(chance: Floats, u: Floats) -> tuple[Ints, Bools]:
     return np.argmax(hit, axis=1), hit.any(axis=1)
 
 
-def _lengths(bell: Bell, per_day: int, n: int, rng: np.random.Generator) -> Ints:
+def _lengths(bell: Bell, per_day: int, u: Floats) -> Ints:
     ratio = REFERENCE_MIN * per_day / (24 * 60)
     short, long = bell.duration_slots
-    drawn = short + (strata(n, rng) * (long - short + 1)).astype(int)
+    drawn = short + (u * (long - short + 1)).astype(int)
     found: Ints = np.ceil(drawn * ratio - 1e-9).astype(np.intp)
     return found
 
 
-def _remaining(bell: Bell, elapsed: int, per_day: int, n: int, rng: np.random.Generator) -> Ints:
-    """(n,) slots after the present one for which an outage that began `elapsed` slots ago lasts."""
+def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
     ratio = REFERENCE_MIN * per_day / (24 * 60)
     short, long = bell.duration_slots
     total = np.unique(np.ceil(np.arange(short, long + 1) * ratio - 1e-9).astype(np.intp))
     left = total[total > elapsed] - elapsed - 1
-    if not len(left):
-        left = np.zeros(1, np.intp)
-    found: Ints = left[(strata(n, rng) * len(left)).astype(int)]
+    return left if len(left) else np.zeros(1, np.intp)
+
+
+def _remaining(bell: Bell, elapsed: int, per_day: int, u: Floats) -> Ints:
+    """(paths,) slots after the present one that an outage of that age still lasts."""
+    left = _lengths_left(bell, elapsed, per_day)
+    found: Ints = left[(u * len(left)).astype(int)]
     return found
 
 

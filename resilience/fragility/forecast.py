@@ -17,7 +17,7 @@ import numpy as np
 
 from resilience.errors import UsageError
 from resilience.fragility.bell import REFERENCE_MIN
-from resilience.fragility.scenarios import Floats
+from resilience.fragility.scenarios import Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -101,6 +101,12 @@ class ForecastError:
         return found
 
 
+def forecast_names(case: Case) -> tuple[str, ...]:
+    """Names of the profiles that loads and PV follow; what nothing but a price follows is known."""
+    used = [*(table.profile for table in case.load), *(table.profile for table in case.pv)]
+    return tuple(dict.fromkeys(name for name in used if name is not None))
+
+
 def sample_profiles(
     case: Case, error: ForecastError, n: int, rng: np.random.Generator
 ) -> tuple[tuple[str, ...], Floats]:
@@ -108,7 +114,49 @@ def sample_profiles(
 
     Prices are not forecast: a profile that no load and no PV follows is left out.
     """
-    used = [*(table.profile for table in case.load), *(table.profile for table in case.pv)]
-    names = tuple(dict.fromkeys(name for name in used if name is not None))
+    names = forecast_names(case)
     forecast = np.array([case.profiles[name] for name in names]).reshape(len(names), case.slots)
     return names, error.sample(forecast, n, rng, case.step_min)
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    r"""What comes true of load and PV in every scenario, and what is expected as time goes by.
+
+    Whoever forecasts knows the present error and how errors fade, so that at slot $t$ the profile
+    of slot $s \ge t$ is expected to be $\hat x_s (1 + \rho^{s - t} e_t)$, exact at $s = t$.
+
+    Attributes:
+        names: the profiles that are forecast; all others are known.
+        error: (profiles, slots, scenarios) relative errors, see `ForecastError.errors`.
+        correlation: of the errors, from one slot to the next.
+    """
+
+    names: tuple[str, ...]
+    error: Floats
+    correlation: float
+
+    def true(self, name: str | None, values: Floats, slots: Ints) -> Floats:
+        """(len(slots), scenarios) what comes true of `values` (len(slots),), forecast for them."""
+        if name not in self.names:
+            return np.repeat(values[:, None], self.error.shape[2], axis=1)
+        error = self.error[self.names.index(name), slots]
+        found: Floats = np.maximum(values[:, None] * (1.0 + error), 0.0)
+        return found
+
+    def expected(self, name: str | None, values: Floats, slots: Ints, now: int) -> Floats:
+        """(len(slots), scenarios) what is expected of them at slot `now`, the first of `slots`."""
+        if name not in self.names:
+            return self.true(name, values, slots)
+        fading = self.correlation ** np.maximum(slots - now, 0)
+        error = fading[:, None] * self.error[self.names.index(name), now]
+        found: Floats = np.maximum(values[:, None] * (1.0 + error), 0.0)
+        return found
+
+
+def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlook:
+    """Errors of every profile that loads and PV follow, drawn up front for `n` scenarios."""
+    names = forecast_names(case)
+    rng = np.random.default_rng(seed)
+    drawn = error.errors(len(names), case.slots, n, rng, case.step_min)
+    return Outlook(names, drawn, error.correlation ** (case.step_min / REFERENCE_MIN))

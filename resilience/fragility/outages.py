@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from resilience.case import Case, Outage
 
 DAY_MIN = 24 * 60
+DRAWN = ("bell", "storm")
+"""Outages that are drawn, as a user names them."""
 
 
 @dataclass(frozen=True)
@@ -137,39 +139,103 @@ def outage_path(days: Sequence[Day], bell: Bell) -> Bools:
     return down
 
 
-def sample_outages(case: Case, bell: Bell, seed: int) -> tuple[Outage, ...]:
-    """One draw of the bell as a list of outages: the first scenario of that seed.
+def sample_case(case: Case, n: int, seed: int) -> Scenarios:
+    """`n` outage paths of the case's own process: its storm, or its bell where it states none.
 
     Raises:
-        UsageError: as `sample_bell`.
+        CaseError, UsageError: as `storm_scenarios` or `sample_bell`.
+    """
+    if case.storm is not None and case.storm.points:
+        from resilience.fragility.chain import storm_scenarios
+
+        return storm_scenarios(case, n, seed)
+    return sample_bell(case, case_bell(case), n, seed)
+
+
+def draw(
+    case: Case,
+    n: int,
+    seed: int,
+    *,
+    days: int | None = None,
+    track: str | Path | None = None,
+    storm: str | None = None,
+    averaging_s: float | None = None,
+    **bell: Any,
+) -> Scenarios:
+    """`n` outage paths as a user asks for them: of a track, the case's storm, or the bell.
+
+    Args:
+        case: the case.
+        n: how many.
+        seed: of the draw.
+        days: whole days, of the bell only; the case's horizon if omitted.
+        track: file of a storm in place of the case's.
+        storm: which one, of several in the file.
+        averaging_s: of the file's winds, where it does not say.
+        bell: settings of the bell; any of them that is not None asks for it.
+
+    Raises:
+        CaseError, UsageError: as `storm_scenarios` and `sample_bell`, or both asked for.
+    """
+    from resilience.fragility.chain import file_track, storm_scenarios
+
+    asked = [key for key, value in bell.items() if value is not None]
+    stormy = track is not None or (case.storm is not None and bool(case.storm.points))
+    if track is not None and asked:
+        raise UsageError(
+            f"a track and {asked[0]} of the bell; allowed: one of the two",
+            hint="a storm on its track has no bell",
+        )
+    if not stormy or asked:
+        return sample_bell(case, case_bell(case, **bell), n, seed, days=days)
+    if days is not None:
+        raise UsageError(
+            f"{days} days of a storm; allowed: the case's horizon, {case.window}",
+            hint="a storm comes once; leave out --days",
+        )
+    found = file_track(case, track, storm=storm, averaging_s=averaging_s) if track else None
+    return storm_scenarios(case, n, seed, found)
+
+
+def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ...]:
+    """One draw as a list of outages, the first scenario of that seed: of the bell, or the storm.
+
+    Raises:
+        CaseError, UsageError: as `storm_scenarios` or `sample_bell`.
     """
     from resilience.case import Outage
+    from resilience.fragility.chain import storm_scenarios
 
-    events = sample_bell(case, bell, 1, seed).events()
+    drawn = storm_scenarios(case, 1, seed) if bell is None else sample_bell(case, bell, 1, seed)
+    events = drawn.events()
     return tuple(Outage(line, first, stop) for _, line, first, stop in events)
 
 
 def outages_from(
     text: str | Path | None, case: Case, seed: int | None = None
 ) -> tuple[Outage, ...]:
-    """Outages as a user asks for them: a draw of the case's bell, or what `parse_outages` reads.
+    """Outages as a user asks for them: a draw of the case's bell or storm, or what `parse_outages`
+    reads.
 
     Args:
-        text: `"bell"`, `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's own if None.
+        text: `"bell"`, `"storm"`, `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's
+            own if None.
         case: says which lines there are, and the horizon.
-        seed: of the bell; 0 if omitted.
+        seed: of the draw; 0 if omitted.
 
     Raises:
         CaseError: the outages have mistakes; all of them are listed.
-        UsageError: a seed without the bell, a missing file, or as `sample_bell`.
+        UsageError: a seed without a draw, a missing file, or as `sample_bell`.
     """
     from resilience.case import parse_outages
 
-    if str(text).strip().lower() == "bell":
-        return sample_outages(case, case_bell(case), seed or 0)
+    asked = str(text).strip().lower()
+    if asked in DRAWN:
+        return sample_outages(case, case_bell(case) if asked == "bell" else None, seed or 0)
     if seed is not None:
         raise UsageError(
-            f"seed {seed} without a draw; allowed: a seed with the outages `bell`",
+            f"seed {seed} without a draw; allowed: a seed with the outages `bell` or `storm`",
             hint="add `--outages bell`, or leave out the seed",
         )
     return case.outages if text is None else parse_outages(text, case)

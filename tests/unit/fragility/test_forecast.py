@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from storms import feeder
 
+import resilience as rs
 from resilience.errors import UsageError
 from resilience.fragility import ForecastError, sample_profiles
+from resilience.fragility.forecast import Outlook, sample_outlook
 
 SIGMA = 0.1
 N = 4000
@@ -65,3 +67,20 @@ def test_profiles_of_a_case() -> None:
 def test_settings_out_of_range(sigma: float, rho: float) -> None:
     with pytest.raises(UsageError, match="allowed"):
         ForecastError(sigma, rho)
+
+
+def test_what_is_expected_fades_to_the_forecast_and_is_true_now() -> None:
+    outlook = Outlook(("load",), np.full((1, 4, 2), 0.1), 0.5)
+    values, slots = np.array([1.0, 2.0, 4.0]), np.array([1, 2, 3])
+    expected = outlook.expected("load", values, slots, 1)
+    np.testing.assert_allclose(expected[:, 0], [1.1, 2.0 * 1.05, 4.0 * 1.025])
+    np.testing.assert_allclose(outlook.true("load", values, slots)[:, 1], 1.1 * values)
+    np.testing.assert_allclose(outlook.expected("price", values, slots, 1)[:, 0], values)
+
+
+def test_no_forecast_from_the_present_error_is_better() -> None:
+    """Regressing what comes true on the present error gives the weights of the forecast."""
+    outlook = sample_outlook(rs.load_case("ieee33").replace(slots=24), ForecastError(), 4000, 1)
+    now, later = outlook.error[:, 5], outlook.error[:, 13]
+    slope = (now * later).sum() / (now * now).sum()
+    assert slope == pytest.approx(outlook.correlation**8, abs=0.01)

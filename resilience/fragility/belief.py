@@ -1,0 +1,122 @@
+"""What a dispatcher believes of outages to come, given what an operator has seen.
+
+`BellBelief` believes in the paper's bell (`resilience.fragility.conditional`), `StormBelief` in a
+storm on its track (`resilience.fragility.storm_belief`); `case_belief` gives a case its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from resilience.fragility.bell import REFERENCE_MIN, Bell, case_bell
+from resilience.fragility.conditional import (
+    DayDraw,
+    Known,
+    chances,
+    days_reached,
+    expected_left,
+    futures,
+)
+from resilience.fragility.scenarios import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+
+class Belief(Protocol):
+    """Outages to come, as a dispatcher expects them.
+
+    Attributes:
+        daily: every midnight ends all outages, and what failed may fail again.
+        longest_slots: how long an outage may last, slots of the case.
+    """
+
+    @property
+    def daily(self) -> bool:
+        """Whether days are independent of each other."""
+
+    @property
+    def longest_slots(self) -> int:
+        """Slots of a long outage."""
+
+    def paths(self, known: Known, slots: int, n: int) -> Bools:
+        """(lines, slots, n) where lines are down after the present slot, on equally likely paths.
+
+        The same random numbers serve in every slot of an episode.
+        """
+
+    def chances(self, known: Known, slots: int) -> Floats:
+        """(lines, slots) probability that an outage begins in each slot after the present one."""
+
+    def expected_left(self, known: Known) -> Ints:
+        """(lines,) slots after the present one that a line which is down stays so, on average."""
+
+
+class BellBelief:
+    """The bell, days independent of each other.
+
+    Args:
+        bell: the process.
+        per_day: slots of a day.
+        lines: how many lines can fail.
+        seed: of the sampled futures; they have nothing to do with the storms to come.
+    """
+
+    daily = True
+
+    def __init__(self, bell: Bell, per_day: int, lines: int, seed: int = 0) -> None:
+        self.bell, self.per_day, self.lines, self.seed = bell, per_day, lines, seed
+        longest = bell.duration_slots[1] * REFERENCE_MIN * per_day / (24 * 60)
+        self.longest_slots = int(np.ceil(longest - 1e-9))
+        self._days: dict[tuple[int, int], DayDraw] = {}
+
+    def paths(self, known: Known, slots: int, n: int) -> Bools:
+        """(lines, slots, n) where lines are down; see `conditional.futures`."""
+        reach = days_reached(known.t, slots, self.per_day)
+        draws = [self._draw(known.day + later, n) for later in range(reach)]
+        return futures(self.bell, known, slots, self.per_day, draws)
+
+    def chances(self, known: Known, slots: int) -> Floats:
+        """(lines, slots) probabilities; see `conditional.chances`."""
+        return chances(self.bell, known, slots, self.per_day)
+
+    def expected_left(self, known: Known) -> Ints:
+        """(lines,) slots, cut at midnight."""
+        found = np.zeros(len(known.since), np.intp)
+        for k in np.flatnonzero(known.since >= 0).tolist():
+            left = expected_left(self.bell, known.t - int(known.since[k]), self.per_day)
+            found[k] = min(left, self.per_day - 1 - known.t)
+        return found
+
+    def _draw(self, day: int, n: int) -> DayDraw:
+        """The draws of a day, the same in all of its slots and in every scenario."""
+        if (day, n) not in self._days:
+            rng = np.random.default_rng([self.seed, day])
+            self._days[day, n] = DayDraw.of(self.lines, n, rng)
+        return self._days[day, n]
+
+
+def case_belief(
+    case: Case, lines: tuple[str, ...], *, bell: Bell | None = None, seed: int = 0
+) -> Belief:
+    """What the operator of a case believes: its storm, or its bell where there is none.
+
+    Args:
+        case: the case.
+        lines: that can fail, in the order of what is known of them.
+        bell: believed in, whatever the case says.
+        seed: of sampled futures.
+
+    Raises:
+        CaseError: the case does not say where its lines are.
+        UsageError: a setting out of range.
+    """
+    if bell is None and case.storm is not None and case.storm.points:
+        from resilience.fragility.chain import storm
+        from resilience.fragility.storm_belief import StormBelief
+
+        return StormBelief.of(storm(case), lines, seed=seed)
+    per_day = round(24.0 / case.step_h)
+    return BellBelief(bell or case_bell(case), per_day, len(lines), seed)

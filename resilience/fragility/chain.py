@@ -1,0 +1,292 @@
+"""From the storm of a case to outages: track, wind at every span, lines, repair, scenarios.
+
+Each arrow is a function of its own module; here a case's tables `[storm]` and `[geography]` choose
+among them. A track file takes the place of the storm's own points, and a case without a storm meets
+it with the defaults of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resilience.case.network import did_you_mean
+from resilience.case.storm_tables import StormTable
+from resilience.errors import UsageError
+from resilience.fragility.curves import CURVES, Curve, hardened
+from resilience.fragility.damage import Timing, failed_by, hazard
+from resilience.fragility.geography import Geography, geography
+from resilience.fragility.lines import Lines, SpanWind, poles_in_series, span_speed
+from resilience.fragility.repair import Repair
+from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.fragility.storms import Sampling, sample_storms
+from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
+from resilience.fragility.wind import Wind, wind
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+FINEST_MIN = 5.0  # a slot's wind is the strongest of moments no farther apart
+
+
+@dataclass(frozen=True, eq=False)
+class Storm:
+    """A storm over the horizon of a case.
+
+    Attributes:
+        case: the case.
+        geography: where its lines are.
+        track: of the storm, at its own times, UTC.
+        members: tracks that are equally likely; `track` alone where it is certain.
+        lines: those that the storm may break, in the order of the network.
+        winds: (spans, slots) of every member, as the lines' curves want it.
+        timing: how winds add up.
+        repair: how lines are mended.
+    """
+
+    case: Case
+    geography: Geography
+    track: Track
+    members: tuple[Track, ...]
+    lines: Lines
+    winds: tuple[SpanWind, ...]
+    timing: Timing
+    repair: Repair
+
+    @cached_property
+    def failed_by(self) -> Floats:
+        """(lines, slots) probability that a line has failed by the end of a slot, none mended."""
+        each = [failed_by(self.lines, one, self.timing) for one in self.winds]
+        found: Floats = np.mean(each, axis=0)
+        return found
+
+    @cached_property
+    def hazard(self) -> Floats:
+        """(lines, slots) probability that a line that stood until then fails in a slot."""
+        if len(self.winds) == 1:
+            return hazard(self.lines, self.winds[0], self.timing)
+        before = np.pad(self.failed_by, ((0, 0), (1, 0)))[:, :-1]
+        found = np.zeros_like(before)
+        np.divide(self.failed_by - before, 1.0 - before, out=found, where=before < 1.0)
+        return found
+
+    @cached_property
+    def strongest_mps(self) -> Floats:
+        """(lines, slots) strongest wind that a curve sees along each line, the mean of members."""
+        found = np.zeros((len(self.lines.names), self.case.slots))
+        for one in self.winds:
+            most = np.zeros_like(found)
+            np.maximum.at(most, self.lines.span_line, span_speed(self.lines, one))
+            found += most / len(self.winds)
+        return found
+
+    def calm(self, one: SpanWind) -> Bools:
+        """(lines, slots) True where crews may work in the wind of a member."""
+        windy = np.zeros((len(self.lines.names), self.case.slots), bool)
+        np.logical_or.at(windy, self.lines.span_line, one.speed_mps > self.repair.wind_limit_mps)
+        return ~windy
+
+    def scenarios(self, n: int, seed: int, shift: float = 0.0) -> Scenarios:
+        """`n` outage paths; see `storms.sample_storms` for the `shift` of the common factor."""
+        return sample_storms(
+            self.lines, list(self.winds), n, seed, repair=self.repair, timing=self.timing,
+            sampling=Sampling(shift=shift),
+        )  # fmt: skip
+
+
+def storm(
+    case: Case, track: Track | str | Path | None = None, *, every_line: bool = False
+) -> Storm:
+    """The storm of a case, over its horizon.
+
+    Args:
+        case: the case.
+        track: a storm, or its file, in place of the points of the case's `[storm]`.
+        every_line: every line in service, whatever the case says that the storm may break.
+
+    Raises:
+        CaseError: buses without coordinates, or a track with mistakes; all of them are listed.
+        UsageError: neither points nor a track, a track that lies outside the horizon, or a name
+            that no curve or field has.
+    """
+    table = case.storm or StormTable()
+    place = geography(case)
+    known = case_track(case) if track is None else track
+    found = known if isinstance(known, Track) else file_track(case, known)
+    members = _members(found, table, case)
+    pole, conductor = (_curve(name, table) for name in (table.pole, table.conductor))
+    assert pole is not None
+    names, span_line, of = _spans(case, place, every_line)
+    lines = poles_in_series(
+        names,
+        span_line,
+        pole=pole,
+        conductor=conductor,
+        correlation=table.correlation,
+        bearing_deg=place.span_bearing_deg[of] if table.by_angle else None,
+    )
+    at = place.span_lat_deg[of], place.span_lon_deg[of]
+    winds = tuple(_wind(one, case, at, pole, table) for one in members)
+    repair = Repair(
+        law=table.repair.law,
+        hours=table.repair.hours,
+        crews=table.repair.crews,
+        wind_limit_mps=table.repair.wind_limit_mps,
+    )
+    timing = Timing(table.mode, case.step_h)
+    return Storm(case, place, found, members, lines, winds, timing, repair)
+
+
+def storm_scenarios(
+    case: Case, n: int, seed: int, track: Track | str | Path | None = None
+) -> Scenarios:
+    """`n` outage paths of the storm of a case, or of another on its feeder.
+
+    Raises:
+        CaseError, UsageError: as `storm`.
+    """
+    return storm(case, track).scenarios(n, seed)
+
+
+def case_track(case: Case) -> Track:
+    """The track that a case states.
+
+    Raises:
+        CaseError: points with mistakes.
+        UsageError: the case states none.
+    """
+    table = case.storm
+    if table is None or not table.points:
+        raise UsageError(
+            f"case {case.name!r} has no storm; allowed: a track file, or points in [storm]",
+            hint="--track FILE reads IBTrACS, HURDAT2, CMA and plain CSV files",
+        )
+    offset = timedelta(hours=table.utc_offset_h)
+    time, lat, lon, pressure, vmax = zip(*table.points, strict=True)
+    columns: dict[str, Sequence[object]] = {
+        "time": [moment - offset for moment in time],
+        "lat": lat,
+        "lon": lon,
+        "pressure_hpa": pressure,
+        "vmax_mps": vmax,
+    }
+    if table.rmw_km is not None:
+        columns["rmw_km"] = [table.rmw_km] * len(time)
+    return track_of(
+        columns, averaging_s=table.averaging_s, name=table.name, source=table.source,
+        basin=table.basin, penv_hpa=table.penv_hpa, rmw=table.rmw, file=case.name,
+    )  # fmt: skip
+
+
+def file_track(
+    case: Case, path: str | Path, *, storm: str | None = None, averaging_s: float | None = None
+) -> Track:
+    """The track in a file; what it leaves open is filled as the case's `[storm]` says.
+
+    Args:
+        case: the case.
+        path: of the file.
+        storm: which one, of several.
+        averaging_s: of its winds, where it does not say.
+
+    Raises:
+        CaseError, UsageError: as `tracks.read_track`.
+    """
+    table = case.storm or StormTable()
+    options: dict[str, Any] = {
+        "basin": table.basin or None,
+        "penv_hpa": table.penv_hpa,
+        "rmw": table.rmw,
+    }
+    found = read_track(path, storm=storm, averaging_s=averaging_s, **options)
+    return found if found.name else replace(found, name=Path(path).stem)
+
+
+def slot_times(case: Case) -> NDArray[np.datetime64]:
+    """(slots * moments,) UTC of the storm at moments within the slots, evenly spaced, rising."""
+    table = case.storm or StormTable()
+    per_slot = int(np.ceil(case.step_min / FINEST_MIN - 1e-9))
+    first = np.datetime64(table.utc(case.start), "ms")
+    middle = (np.arange(case.slots * per_slot) + 0.5) * case.step_min / per_slot
+    return (first + np.round(middle * 60_000).astype("timedelta64[ms]")).astype("datetime64[s]")
+
+
+def _members(track: Track, table: StormTable, case: Case) -> tuple[Track, ...]:
+    """The tracks that are equally likely.
+
+    Raises:
+        UsageError: the track has no time in common with the horizon.
+    """
+    times = slot_times(case)
+    if track.time[-1] < times[0] or track.time[0] > times[-1]:
+        raise UsageError(
+            f"track {track.name!r}, {track.time[0]} to {track.time[-1]} UTC, misses the horizon, "
+            f"{times[0]} to {times[-1]} UTC of the storm; allowed: times in common",
+            hint="in [storm], `day` and `laid_on` lay a storm's day on the horizon's, and "
+            "utc_offset_h says how far local time is ahead of UTC",
+        )
+    errors = table.forecast
+    if errors.members == 1:
+        return (track,)
+    issued = table.utc(case.start)
+    if errors.issued is not None:
+        issued = errors.issued - timedelta(hours=table.utc_offset_h)
+    return ensemble(
+        track, errors.members, np.random.default_rng(errors.seed), issued=issued,
+        along_km_per_day=errors.along_km_per_day, cross_km_per_day=errors.cross_km_per_day,
+        intensity_mps=errors.intensity_mps,
+    )  # fmt: skip
+
+
+def _curve(name: str | None, table: StormTable) -> Curve | None:
+    if name is None:
+        return None
+    if name not in CURVES:
+        raise UsageError(f"fragility curve {name!r} is unknown", did_you_mean(name, CURVES))
+    return CURVES[name] if table.hardening == 1.0 else hardened(CURVES[name], table.hardening)
+
+
+def _spans(case: Case, place: Geography, every_line: bool) -> tuple[tuple[str, ...], Ints, Ints]:
+    """Names of lines, the line of every span of theirs, and the number of that span."""
+    network = case.network
+    may = network.in_service if every_line or case.storm is None else network.breakpoint
+    stands = np.bincount(place.span_line, minlength=len(may)) > 0
+    chosen = np.flatnonzero(may & stands)
+    if not len(chosen):
+        raise UsageError(
+            f"case {case.name!r} has no line that a storm may break",
+            hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`',
+        )
+    of = np.flatnonzero(np.isin(place.span_line, chosen))
+    names = tuple(network.line_names[k] for k in chosen)
+    return names, np.searchsorted(chosen, place.span_line[of]), of
+
+
+def _wind(
+    track: Track, case: Case, at: tuple[Floats, Floats], curve: Curve, table: StormTable
+) -> SpanWind:
+    """The strongest wind in every slot at points, as a curve wants it."""
+    # A wind field takes its translation from the moment before: the first one needs one, too.
+    times = slot_times(case)
+    moment_s = round(60.0 * case.step_min * case.slots / len(times))
+    earlier = times[:1] - np.timedelta64(moment_s, "s")
+    track = interpolated(track, np.concatenate([earlier, times]))
+    blown: Wind = wind(track, *at, model=table.wind).to(
+        averaging_s=curve.averaging_s, height_m=curve.height_m, exposure=curve.exposure
+    )
+    shape = (len(at[0]), case.slots, -1)
+    speed = blown.speed_mps[:, 1:].reshape(shape)
+    direction = blown.direction_deg[:, 1:].reshape(shape)
+    top = speed.argmax(axis=2)[:, :, None]
+    return SpanWind(
+        np.take_along_axis(speed, top, axis=2)[:, :, 0],
+        blown.averaging_s, blown.height_m, blown.exposure,
+        np.take_along_axis(direction, top, axis=2)[:, :, 0],
+    )  # fmt: skip

@@ -1,0 +1,198 @@
+"""`hazard`: what a storm on its track does to the lines of a feeder, and the islands that follow.
+
+A saved one is a folder that appears whole or not at all:
+
+    hazard.json      what `--json` prints
+    hazard.csv       probability that a line which stood fails in a slot, a column per line
+    failed_by.csv    probability that it has failed by the end of a slot, none mended
+    wind.csv         strongest wind along each line, m/s, as its curves want it
+    lines.csv        a row per line
+    outages.npz      the sampled scenarios
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import asdict, dataclass
+from datetime import datetime, timedelta
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resilience.case import Case, load_case
+from resilience.errors import UsageError
+from resilience.fragility import chain
+from resilience.fragility.chain import Storm, slot_times
+from resilience.fragility.likely import Likely, likely
+from resilience.fragility.scenarios import Floats, Scenarios
+from resilience.fragility.sphere import seen_from
+from resilience.fragility.tracks import interpolated
+from resilience.results import replacing
+
+MARK = "hazard.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Hazard:
+    """A storm's hazard on a feeder.
+
+    Attributes:
+        storm: track, wind, lines.
+        scenarios: sampled storms with repair.
+        likely: islands counted in them.
+    """
+
+    storm: Storm
+    scenarios: Scenarios
+    likely: Likely
+
+    @cached_property
+    def distance_km(self) -> Floats:
+        """(moments,) from the eye to the middle of the feeder, at `chain.slot_times`."""
+        place, case = self.storm.geography, self.storm.case
+        eye = interpolated(self.storm.track, slot_times(case))
+        middle = place.span_lat_deg.mean(), place.span_lon_deg.mean()
+        away = seen_from((eye.lat, eye.lon), ([middle[0]], [middle[1]]))[0][0] / 1000.0
+        return np.where(eye.present, away, np.inf)
+
+    @property
+    def closest(self) -> tuple[float, datetime] | None:
+        """km of the eye from the feeder when it is closest within the horizon, and when."""
+        case = self.storm.case
+        at = int(self.distance_km.argmin())
+        if not np.isfinite(self.distance_km[at]):
+            return None
+        share = (at + 0.5) * case.slots / len(self.distance_km)
+        return float(self.distance_km[at]), case.start + timedelta(minutes=share * case.step_min)
+
+    @cached_property
+    def lines(self) -> list[dict[str, Any]]:
+        """A row per line; probabilities are exact."""
+        here, case = self.storm, self.storm.case
+        wind, failed = here.strongest_mps, here.failed_by[:, -1]
+        spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
+        mean_down = self.scenarios.down.sum(axis=1) @ self.scenarios.probability * case.step_h
+        rows = []
+        for k, name in enumerate(here.lines.names):
+            begins = np.diff(here.failed_by[k], prepend=0.0)
+            rows.append(
+                {
+                    "line": name,
+                    "length_km": float(here.geography.length_km[case.network.line(name)]),
+                    "spans": int(spans[k]),
+                    "strongest_wind_mps": float(wind[k].max(initial=0.0)),
+                    "failure_probability": float(failed[k]),
+                    "likeliest": case.slot_label(int(begins.argmax())) if failed[k] else None,
+                    "hours_down": float(mean_down[k]),
+                }
+            )
+        return rows
+
+    def summary(self) -> dict[str, Any]:
+        """Everything as plain data, slots from the start of the horizon."""
+        here, case, closest = self.storm, self.storm.case, self.closest
+        one = here.winds[0]
+        return {
+            "case": case.name,
+            "geography": here.geography.about,
+            "synthetic": here.geography.synthetic,
+            "storm": here.track.name,
+            "source": here.track.source,
+            "filled": dict(here.track.filled),
+            "members": len(here.members),
+            "start": case.start.isoformat(),
+            "step_min": case.step_min,
+            "closest_km": closest and closest[0],
+            "closest_at": closest and closest[1].isoformat(),
+            "wind": f"{one.averaging_s:g} s mean at {one.height_m:g} m over {one.exposure}",
+            "strongest_wind_mps": float(here.strongest_mps.max(initial=0.0)),
+            "expected_lines_down": float(here.failed_by[:, -1].sum()),
+            "lines": self.lines,
+            "hazard": dict(zip(here.lines.names, here.hazard.tolist(), strict=True)),
+            "failed_by": dict(zip(here.lines.names, here.failed_by.tolist(), strict=True)),
+            "scenarios": self.scenarios.n,
+            "seed": self.scenarios.seed,
+            "process": self.scenarios.process,
+            "islands": [asdict(one) for one in self.likely.islands],
+            "islandings": [asdict(one) for one in self.likely.islandings],
+            "buses": {
+                name: {"apart": apart, "dark": dark, "dark_hours": hours}
+                for name, apart, dark, hours in zip(
+                    case.network.bus_names, self.likely.apart.tolist(), self.likely.dark.tolist(),
+                    self.likely.dark_hours.tolist(), strict=True,
+                )
+            },
+        }  # fmt: skip
+
+    def save(self, folder: str | Path) -> Path:
+        """Writes the folder; an earlier one is replaced, anything else is refused.
+
+        Raises:
+            UsageError: the folder holds something else.
+        """
+        with replacing(Path(folder), MARK) as target:
+            text = json.dumps(self.summary(), indent=2, allow_nan=False)
+            (target / MARK).write_text(text + "\n", encoding="utf-8")
+            here = self.storm
+            series = {
+                "hazard": here.hazard,
+                "failed_by": here.failed_by,
+                "wind": here.strongest_mps,
+            }
+            for name, values in series.items():
+                self._series(target / f"{name}.csv", values)
+            with (target / "lines.csv").open("w", newline="", encoding="utf-8") as file:
+                writer = csv.DictWriter(file, list(self.lines[0]))
+                writer.writeheader()
+                writer.writerows(self.lines)
+            self.scenarios.save(target / "outages.npz")
+        return Path(folder)
+
+    def _series(self, path: Path, values: Floats) -> None:
+        case = self.storm.case
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time", *self.storm.lines.names])
+            for t in range(case.slots):
+                when = case.window.time(t).isoformat()
+                writer.writerow([when, *(f"{value:.9g}" for value in values[:, t])])
+
+
+def hazard(
+    case: Case | str | Path,
+    track: str | Path | None = None,
+    *,
+    storm: str | None = None,
+    averaging_s: float | None = None,
+    n: int = 1000,
+    seed: int = 0,
+) -> Hazard:
+    """What a storm does to every line of a feeder that is in service.
+
+    Args:
+        case: a case, its file, or the name of an installed one.
+        track: file of the storm; the case's own if omitted.
+        storm: which one, of several in the file.
+        averaging_s: of the file's winds, where it does not say.
+        n: storms drawn, for islands.
+        seed: of these.
+
+    Raises:
+        CaseError: mistakes in the case, its geography or the track; all of them are listed.
+        UsageError: no storm, or as `chain.storm`.
+    """
+    case = case if isinstance(case, Case) else load_case(case)
+    if track is None and (storm is not None or averaging_s is not None):
+        raise UsageError(
+            "the name or averaging time of a storm in a track file, and no file",
+            hint="add --track FILE",
+        )
+    read = None
+    if track is not None:
+        read = chain.file_track(case, track, storm=storm, averaging_s=averaging_s)
+    found = chain.storm(case, read, every_line=True)
+    drawn = found.scenarios(n, seed)
+    return Hazard(found, drawn, likely(case, drawn))

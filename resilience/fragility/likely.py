@@ -1,0 +1,199 @@
+"""The islands that storms are likely to make, counted in sampled scenarios."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.models.microgrid import Microgrid, microgrid
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+
+@dataclass(frozen=True)
+class Island:
+    """Buses that hang together, apart from the grid, at some time of a storm.
+
+    Attributes:
+        buses: their names.
+        alive: a grid-forming unit stands there.
+        probability: that a storm makes this island at some time.
+        hours: that it then lasts, on average.
+    """
+
+    buses: tuple[str, ...]
+    alive: bool
+    probability: float
+    hours: float
+
+
+@dataclass(frozen=True)
+class Islanding:
+    """What a storm leaves at its worst: when the fewest buses hang on the grid.
+
+    Attributes:
+        lines: that are down.
+        islands: buses of every part, the grid's first, if a bus hangs on it.
+        probability: that a storm leaves exactly this.
+    """
+
+    lines: tuple[str, ...]
+    islands: tuple[tuple[str, ...], ...]
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Likely:
+    """What storms do to the feeder.
+
+    Attributes:
+        islands: most probable first.
+        islandings: most probable first.
+        apart: (buses,) probability of being apart from the grid at some time.
+        dark: (buses,) probability of having no source at some time.
+        dark_hours: (buses,) expected hours without a source.
+    """
+
+    islands: tuple[Island, ...]
+    islandings: tuple[Islanding, ...]
+    apart: Floats
+    dark: Floats
+    dark_hours: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Patterns:
+    """Different states of the lines, and in which slot of which scenario they are.
+
+    Attributes:
+        up: (lines of the case, patterns).
+        at: (slots, scenarios) number of the pattern.
+        island: (buses of the case, patterns) number of the island of every bus.
+        alive, grid: (buses of the case, patterns) whether its island has a source, a grid.
+    """
+
+    up: Bools
+    at: Ints
+    island: Ints
+    alive: Bools
+    grid: Bools
+
+
+def likely(case: Case, scenarios: Scenarios, most: int = 10) -> Likely:
+    """Counts islands; probabilities are those of the scenarios, weighted.
+
+    Args:
+        case: the case.
+        scenarios: over its horizon.
+        most: islands, and islandings, that are kept.
+    """
+    found = _patterns(case, scenarios)
+    weight, step_h = scenarios.probability, case.step_h
+    apart, dark = (~mask[:, found.at] for mask in (found.grid, found.alive))
+    return Likely(
+        islands=tuple(_islands(case, found, weight))[:most],
+        islandings=tuple(_islandings(case, found, weight))[:most],
+        apart=apart.any(axis=1) @ weight,
+        dark=dark.any(axis=1) @ weight,
+        dark_hours=step_h * dark.sum(axis=1) @ weight,
+    )
+
+
+def _patterns(case: Case, scenarios: Scenarios) -> _Patterns:
+    down = scenarios.down.reshape(len(scenarios.lines), -1)
+    _, first, at = np.unique(
+        np.packbits(down, axis=0).T, axis=0, return_index=True, return_inverse=True
+    )
+    names = case.network.line_names
+    up = np.ones((len(names), len(first)), bool)
+    up[[names.index(line) for line in scenarios.lines]] = ~down[:, first]
+    grid = _fallible(case, scenarios)
+    situation = grid.situation(up)
+    island = situation.island[grid.bus_of]
+    sources = np.zeros((int(island.max(initial=0)) + 1, len(first)), bool)
+    for bus in grid.at(case.grid).tolist():
+        sources[situation.island[bus], np.arange(len(first))] = True
+    return _Patterns(
+        up, at.reshape(scenarios.slots, scenarios.n), island,
+        situation.alive[grid.bus_of] > 0, sources[island, np.arange(len(first))],
+    )  # fmt: skip
+
+
+def _fallible(case: Case, scenarios: Scenarios) -> Microgrid:
+    """The microgrid at copperplate in which every line of the scenarios can fail."""
+    from resilience.case import Outage
+
+    outages = tuple(Outage(line, 0, 1) for line in scenarios.lines)
+    return microgrid(case.replace(outages=outages), "copperplate")
+
+
+def _islands(case: Case, found: _Patterns, weight: Floats) -> Iterable[Island]:
+    """Islands without the grid, by probability."""
+    chance: dict[bytes, float] = defaultdict(float)
+    slots: dict[bytes, float] = defaultdict(float)
+    alive: dict[bytes, bool] = {}
+    parts: list[list[bytes]] = []
+    for p in range(found.up.shape[1]):
+        there = []
+        for number in np.unique(found.island[~found.grid[:, p], p]):
+            members = found.island[:, p] == number
+            key = np.packbits(members).tobytes()
+            alive[key] = bool(found.alive[members, p].any())
+            there.append(key)
+        parts.append(there)
+    for k in range(found.at.shape[1]):
+        numbers, counts = np.unique(found.at[:, k], return_counts=True)
+        spans: dict[bytes, int] = defaultdict(int)
+        for p, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+            for key in parts[p]:
+                spans[key] += count
+        for key, count in spans.items():
+            chance[key] += weight[k]
+            slots[key] += weight[k] * count
+    for key in sorted(chance, key=lambda key: -chance[key]):
+        buses = _named(case, np.unpackbits(np.frombuffer(key, np.uint8)).astype(bool))
+        hours = case.step_h * slots[key] / chance[key]
+        yield Island(buses, alive[key], float(chance[key]), float(hours))
+
+
+def _islandings(case: Case, found: _Patterns, weight: Floats) -> Iterable[Islanding]:
+    """States at the worst moment, by probability."""
+    connected = found.grid.sum(axis=0)[found.at]
+    worst = found.at[connected.argmin(axis=0), np.arange(found.at.shape[1])]
+    chance = np.bincount(worst, weight, found.up.shape[1])
+    for p in np.argsort(-chance, kind="stable").tolist():
+        if not chance[p]:
+            return
+        down = np.flatnonzero(~found.up[:, p])
+        numbers = np.unique(found.island[:, p])
+        order = sorted(numbers, key=lambda i: not found.grid[found.island[:, p] == i, p].any())
+        parts = tuple(_named(case, found.island[:, p] == number) for number in order)
+        lines = tuple(case.network.line_names[k] for k in down)
+        yield Islanding(lines, parts, float(chance[p]))
+
+
+def _named(case: Case, members: Bools) -> tuple[str, ...]:
+    return tuple(
+        name for name, there in zip(case.network.bus_names, members, strict=False) if there
+    )
+
+
+def buses_text(names: Iterable[str]) -> str:
+    """Names of buses, rows of numbers as spans: `2-5, 19`."""
+    found: list[str] = []
+    run: list[int] = []
+    numbers = sorted(int(name) for name in names if name.isdecimal())
+    words = [name for name in names if not name.isdecimal()]
+    for number in [*numbers, None]:
+        if run and (number is None or number != run[-1] + 1):
+            found.append(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]))
+            run = []
+        if number is not None:
+            run.append(number)
+    return ", ".join(found + words)

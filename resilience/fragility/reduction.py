@@ -1,0 +1,125 @@
+r"""Few scenarios in place of many: fast forward selection, weights kept.
+
+Heitsch and Roemisch (Scenario reduction algorithms in stochastic programming, Computational
+Optimization and Applications 24, 2003): in every step the scenario is kept that makes
+
+$$ D = \sum_j p_j \min_{i \text{ kept}} d(j, i) $$
+
+smallest; at the end every scenario that is not kept gives its probability to the nearest one that
+is. $D$ is then the transport distance between the two distributions. The first step is optimal, the
+rest is greedy. The distance between two scenarios is the time in which lines differ, each line
+weighted by the load that hangs on it, if given.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from resilience.errors import UsageError
+from resilience.fragility.scenarios import Floats, Ints, Scenarios
+
+Distances = NDArray[np.float32] | NDArray[np.float64]
+MOST = 20_000  # different scenarios: their distances take 1.6 GB
+
+
+def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -> Scenarios:
+    """The `k` scenarios that stand best for all, with the probability of those they stand for.
+
+    Scenarios with the same outages count as one; where there are no more than k different ones,
+    nothing is lost.
+
+    Args:
+        scenarios: many.
+        k: how many to keep, 1 or more.
+        load_mw: (lines,) load at risk behind each line, MW; all alike if omitted.
+
+    Raises:
+        UsageError: k below 1, too many scenarios, or loads that do not fit the lines.
+    """
+    load = np.ones(len(scenarios.lines)) if load_mw is None else np.asarray(load_mw, float)
+    if k < 1 or load.shape != (len(scenarios.lines),) or not (load >= 0.0).all():
+        raise UsageError(
+            f"{k} scenarios, loads of shape {load.shape}; allowed: 1 or more scenarios, a load of "
+            f"0 or more for each of {len(scenarios.lines)} lines",
+            hint="20 to 50 scenarios carry most of a storm",
+        )
+    different, alike = _different(scenarios)
+    if len(different) > MOST:
+        raise UsageError(
+            f"{len(different)} different scenarios; allowed: {MOST}",
+            hint="reduce them in parts, or draw fewer",
+        )
+    probability: Floats = np.bincount(alike, scenarios.probability).astype(float)
+    distance = outage_distance(scenarios.chosen(different), load)
+    kept, nearest, lost = fast_forward(distance, probability, min(k, len(different)))
+    unit = "slots" if load_mw is None else "slots MW"
+    weight = np.bincount(nearest, probability, minlength=len(kept))
+    index = different[kept]
+    return Scenarios(
+        scenarios.lines,
+        scenarios.down[:, :, index],
+        weight / weight.sum(),
+        None if scenarios.centre is None else scenarios.centre[:, index],
+        scenarios.seed,
+        f"{scenarios.process}; {len(kept)} kept of {scenarios.n}, distance {lost:.4g} {unit}",
+    )
+
+
+def outage_distance(scenarios: Scenarios, load: Floats) -> NDArray[np.float32]:
+    """(scenarios, scenarios) slots in which lines differ, weighted by the load (lines,) on them."""
+    down = scenarios.down.reshape(-1, scenarios.n)
+    varies = down.any(axis=1) & ~down.all(axis=1)
+    weight = np.repeat(load, scenarios.slots)[varies]
+    held = down[varies].astype(np.float32)
+    own = (weight @ down[varies]).astype(np.float32)
+    common = (held * weight.astype(np.float32)[:, None]).T @ held
+    found = (own[:, None] + own - 2.0 * common).astype(np.float32, copy=False)
+    np.fill_diagonal(found, 0.0)
+    return np.maximum(found, 0.0, out=found)
+
+
+def fast_forward(distance: Distances, probability: Floats, k: int) -> tuple[Ints, Ints, float]:
+    """Fast forward selection.
+
+    Args:
+        distance: (n, n) between scenarios, 0 on the diagonal.
+        probability: (n,) of the scenarios.
+        k: how many to keep, 1 to n.
+
+    Returns:
+        (k,) indices of those kept, in the order chosen; (n,) which of these stands for each
+        scenario, as a position in the first; and the transport distance.
+    """
+    kept: list[int] = []
+    nearest = np.zeros(len(probability), np.intp)
+    least = np.full(len(probability), np.inf)
+    for number in range(k):
+        total = _totals(distance, least, probability)
+        total[kept] = np.inf
+        chosen = int(np.argmin(total))
+        kept.append(chosen)
+        closer = distance[chosen] < least
+        nearest[closer] = number
+        least = np.minimum(least, distance[chosen])
+    return np.array(kept, np.intp), nearest, float(least @ probability)
+
+
+def _totals(distance: Distances, least: Floats, probability: Floats, rows: int = 512) -> Floats:
+    """(n,) the transport distance that each scenario would leave if it were kept as well."""
+    found = np.empty(len(probability))
+    probability = probability.astype(distance.dtype)
+    for at in range(0, len(found), rows):
+        block = np.minimum(distance[at : at + rows], least.astype(distance.dtype))
+        found[at : at + rows] = block @ probability
+    return found
+
+
+def _different(scenarios: Scenarios) -> tuple[Ints, Ints]:
+    """Indices of scenarios whose outages differ, and for every scenario its place among them."""
+    packed = np.packbits(scenarios.down.reshape(-1, scenarios.n), axis=0).T
+    rows = np.ascontiguousarray(packed).view(f"V{packed.shape[1]}").ravel() if packed.size else None
+    if rows is None:
+        return np.zeros(1, np.intp), np.zeros(scenarios.n, np.intp)
+    _, first, alike = np.unique(rows, return_index=True, return_inverse=True)
+    return first, alike.ravel()

@@ -1,0 +1,211 @@
+"""Repair: how long it takes, by how many crews, in which order, and not in the wind.
+
+Time is in slots, as in a case: a repair takes whole slots, rounded up, and a slot in which a line
+is down at all is down. A crew goes to the waiting line with the highest priority (the one that
+failed first among equals), stays until it is done, and is free in the slot after. No work starts
+and none goes on at a line in a slot whose wind there is above the limit: the work clock stands
+still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import ndtri
+
+from resilience.errors import UsageError
+from resilience.fragility.scenarios import Bools, Floats, Ints
+
+LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
+    "fixed": (("hours",), np.full_like),
+    "uniform": (("shortest", "longest"), lambda u, low, high: low + u * (high - low)),
+    "lognormal": (("median", "sigma"), lambda u, median, sigma: median * np.exp(sigma * ndtri(u))),
+    "exponential": (("mean",), lambda u, mean: -mean * np.log1p(-u)),
+}
+
+
+@dataclass(frozen=True)
+class Repair:
+    """How lines are repaired.
+
+    Attributes:
+        law: of the hours of work: `fixed`, `uniform`, `lognormal` or `exponential`.
+        hours: its parameters: (hours,), (shortest, longest), (median, sigma) with sigma of the log,
+            or (mean,).
+        crews: how many work at a time; as many as needed if None.
+        wind_limit_mps: no work at a line while the wind at any of its spans is above it, m/s in the
+            measure of the wind that is given.
+        priority: of lines by name, higher first; 0 where not given.
+
+    Raises:
+        UsageError: a value out of range; all of them are listed.
+    """
+
+    law: str = "uniform"
+    hours: tuple[float, ...] = (3.0, 3.75)
+    crews: int | None = None
+    wind_limit_mps: float = 20.0
+    priority: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise UsageError(
+                f"repair: law {self.law!r}; allowed: {', '.join(LAWS)}",
+                hint="uniform from 3 to 3.75 h is the paper's",
+            )
+        names, _ = LAWS[self.law]
+        rules = [
+            (len(self.hours) == len(names), f"hours {self.hours}; allowed: {', '.join(names)}"),
+            (all(0.0 <= h < np.inf for h in self.hours), f"hours {self.hours}; allowed: 0 or more"),
+            (
+                self.law != "uniform" or tuple(sorted(self.hours)) == tuple(self.hours),
+                f"hours {self.hours}; allowed: shortest, then longest",
+            ),
+            (self.crews is None or self.crews > 0, f"{self.crews} crews; allowed: 1 or more"),
+            (self.wind_limit_mps > 0.0, f"wind limit {self.wind_limit_mps}; allowed: above 0 m/s"),
+        ]
+        wrong = [text for good, text in rules if not good]
+        if wrong:
+            raise UsageError("repair: " + "; ".join(wrong), hint="hours are hours of work")
+
+    def work_slots(self, u: Floats, step_h: float) -> Ints:
+        """(...) slots of work, 1 or more, of uniform random numbers (...)."""
+        hours = LAWS[self.law][1](u, *self.hours)
+        found: Ints = np.maximum(np.ceil(hours / step_h - 1e-9), 1.0).astype(np.intp)
+        return found
+
+    def order(self, lines: tuple[str, ...]) -> Ints:
+        """(lines,) rank of each line, equal priorities alike, 0 first.
+
+        Raises:
+            UsageError: a priority of a line that does not exist.
+        """
+        unknown = [name for name in self.priority if name not in lines]
+        if unknown:
+            raise UsageError(
+                f"repair: priority of line {', '.join(unknown)}; allowed: {', '.join(lines)}",
+                hint="a line is named by its ends, like 6-26",
+            )
+        given = [-self.priority.get(name, 0.0) for name in lines]
+        found: Ints = np.unique(given, return_inverse=True)[1].ravel()
+        return found
+
+
+Lengths = Callable[[Ints, Ints, Ints], Ints]
+"""(events,) slots of work of lines, in scenarios, for the so-many-th time."""
+Again = Callable[[Ints, Ints, Ints, int], Ints]
+"""(events,) next slot of failure of lines, in scenarios, for the so-many-th time, new at a slot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """What became of the lines.
+
+    Attributes:
+        down: (lines, slots, scenarios) True where a line is down.
+        work: (slots, scenarios) crews at work.
+        left: (lines, scenarios) slots of work left at the end.
+    """
+
+    down: Bools
+    work: Ints
+    left: Ints
+
+
+def repaired(
+    first: Ints,
+    length: Lengths,
+    calm: Callable[[int], Bools],
+    slots: int,
+    *,
+    crews: int | None = None,
+    order: Ints | None = None,
+    again: Again | None = None,
+) -> Repaired:
+    """Fails and repairs lines, slot by slot and in all scenarios at once.
+
+    Args:
+        first: (lines, scenarios) slot of the first failure; `slots` or more: never.
+        length: of a repair, slots of work.
+        calm: (lines, scenarios) or (lines, 1), of a slot: True where there is work at a line.
+        slots: how many.
+        crews: see `Repair`.
+        order: (lines,) rank of each line, lowest first; all alike if omitted.
+        again: of a line that was repaired; it does not fail again if omitted.
+    """
+    lines, n = first.shape
+    queue = _Queue(crews, np.zeros(lines, np.intp) if order is None else order, first.shape)
+    left, times = np.zeros(first.shape, np.int32), np.zeros(first.shape, np.intp)
+    failing = _by_slot(first, slots)
+    down, work = np.zeros((lines, slots, n), bool), np.zeros((slots, n), np.intp)
+    for t in range(slots):
+        for event in failing[t]:
+            line, scenario = np.divmod(event, n)
+            left.ravel()[event] = length(line, scenario, times.ravel()[event])
+            times.ravel()[event] += 1
+            queue.join(event, t)
+        out = left > 0
+        if not out.any():
+            continue
+        down[:, t] = out
+        working = calm(t) & out
+        queue.serve(working, out)
+        working &= ~queue.waiting
+        left -= working
+        work[t] = working.sum(axis=0)
+        event = np.flatnonzero(working & (left == 0))
+        if again is not None and len(event) and t + 1 < slots:
+            line, scenario = np.divmod(event, n)
+            following = again(line, scenario, times.ravel()[event], t + 1)
+            for slot in np.unique(following[following < slots]).tolist():
+                failing[slot].append(event[following == slot])
+    return Repaired(down, work, left.astype(np.intp))
+
+
+def _by_slot(first: Ints, slots: int) -> list[list[Ints]]:
+    """Of every slot: the flat indices of what fails first in it."""
+    flat = np.minimum(first.ravel(), slots)
+    order = np.argsort(flat.astype(np.int16 if slots < 2**15 else np.intp), kind="stable")
+    bounds = np.searchsorted(flat[order], np.arange(slots + 1))
+    return [[order[a:b]] if b > a else [] for a, b in pairwise(bounds.tolist())]
+
+
+class _Queue:
+    """Who waits for a crew, and since when."""
+
+    def __init__(self, crews: int | None, rank: Ints, shape: tuple[int, int]) -> None:
+        self.crews, self.rank = crews, rank
+        self.waiting = np.zeros(shape, bool)
+        self.since = np.zeros(shape, np.intp)
+
+    def join(self, event: Ints, t: int) -> None:
+        """Lines that failed in slot t; each has its crew at once where crews are not short."""
+        if self.crews is not None:
+            self.waiting.ravel()[event] = True
+            self.since.ravel()[event] = t
+
+    def serve(self, calm: Bools, out: Bools) -> None:
+        """Sends the crews that are free to lines where they can start."""
+        if self.crews is None:
+            return
+        wanted = self.waiting & calm
+        idle = self.crews - (out & ~self.waiting).sum(axis=0)
+        found = wanted & (idle > 0)
+        short = np.flatnonzero((wanted.sum(axis=0) > idle) & (idle > 0))
+        if len(short):
+            found[:, short] = self._foremost(wanted[:, short], short, idle[short])
+        self.waiting &= ~found
+
+    def _foremost(self, wanted: Bools, short: Ints, idle: Ints) -> Bools:
+        """(lines, short) the `idle` foremost of those that want a crew."""
+        lines, span = len(wanted), int(self.since.max()) + 1
+        number = np.arange(lines)[:, None]
+        key = (self.rank[:, None] * span + self.since[:, short]) * lines + number
+        key = np.where(wanted, key, np.iinfo(np.intp).max)
+        order = np.argsort(key, axis=0)
+        place = np.empty_like(order)
+        np.put_along_axis(place, order, np.broadcast_to(number, order.shape), axis=0)
+        return wanted & (place < idle)

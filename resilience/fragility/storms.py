@@ -1,0 +1,208 @@
+r"""Storms as scenarios: members of an ensemble, a common factor, capacities, failures and repair.
+
+Of every scenario are drawn: the member of the ensemble of winds, the factor $Z$ shared by all
+capacities, and for each line and each time it is new one exponential number, which decides the slot
+of its failure (`resilience.fragility.clock`), and one uniform number for the length of its repair.
+All random numbers are drawn up front, in streams of their own: other crews or other poles meet the
+same storms.
+
+A storm that breaks lines is rare where lines are strong. `shift` draws $Z$ from
+$N(\text{shift}, 1)$ and gives scenarios the weights $\propto e^{-\text{shift} Z}$, so that
+estimates stay right; with a shift below zero, capacities are low more often. How many equally
+likely scenarios they are worth is `effective_size`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resilience.errors import UsageError
+from resilience.fragility.clock import Clock
+from resilience.fragility.damage import RUNNING_MAX, Timing
+from resilience.fragility.lines import Lines, WindAtSpans, scores, span_speed
+from resilience.fragility.repair import Repair, repaired
+from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How storms are drawn.
+
+    Attributes:
+        shift: mean of the distribution of the common factor; below 0 for rare failures.
+        refail: a line that was repaired may fail again.
+
+    Raises:
+        UsageError: a shift that is out of range.
+    """
+
+    shift: float = 0.0
+    refail: bool = True
+
+    def __post_init__(self) -> None:
+        if not -6.0 <= self.shift <= 6.0:
+            raise UsageError(
+                f"shift {self.shift} of the common factor; allowed: -6 to 6 standard deviations",
+                hint="-1 to -2 suits failures of 5 to 0.5 %",
+            )
+
+
+PLAIN = Sampling()
+USUAL_REPAIR = Repair()
+
+
+def sample_storms(
+    lines: Lines,
+    winds: WindAtSpans | Sequence[WindAtSpans],
+    n: int,
+    rng: np.random.Generator | int,
+    *,
+    repair: Repair | None = USUAL_REPAIR,
+    timing: Timing = RUNNING_MAX,
+    sampling: Sampling = PLAIN,
+    member_probability: ArrayLike | None = None,
+) -> Scenarios:
+    """`n` outage paths of lines in a storm, with weights.
+
+    Args:
+        lines: the lines.
+        winds: at the spans, of the storm or of each member of an ensemble; all have the same slots.
+        n: how many.
+        rng: a generator, or the seed of one.
+        repair: how lines are repaired; they stay down if None.
+        timing: how winds add up over time, and the length of a slot.
+        sampling: how storms are drawn.
+        member_probability: (members,) of the winds; all alike if omitted.
+
+    Raises:
+        UsageError: no scenario, winds that do not fit each other or the lines, probabilities that
+            do not fit the winds.
+    """
+    members = list(winds) if isinstance(winds, Sequence) else [winds]
+    chance = _chances(len(members), member_probability)
+    shapes = {np.shape(wind.speed_mps)[-1] for wind in members}
+    if n < 1 or len(shapes) != 1:
+        raise UsageError(
+            f"{n} scenarios of winds of {', '.join(map(str, sorted(shapes)))} slots; allowed: 1 or "
+            "more scenarios, winds of the same slots",
+            hint="10,000 scenarios show a chance of 1 % to within 0.2 %",
+        )
+    draws = _Draws(n, len(lines.names), np.random.default_rng(rng))
+    member = np.searchsorted(np.cumsum(chance)[:-1], draws.member, side="right")
+    z = draws.normal + sampling.shift
+    log_weight = -sampling.shift * z
+    weight = np.exp(log_weight - log_weight.max())
+    storms = _Storms(lines, members, member, z, draws, timing)
+    probability = weight / weight.sum()
+    seed = None if isinstance(rng, np.random.Generator) else int(rng)
+    process = (
+        f"storm, {len(members)} winds, correlation {lines.correlation:g}, {timing.mode}, "
+        f"{repair}, shift {sampling.shift:g}, worth {1.0 / (probability**2).sum():.0f} of {n}"
+    )
+    down = storms.outages(repair, sampling.refail)
+    return Scenarios(lines.names, down, probability, seed=seed, process=process)
+
+
+def effective_size(scenarios: Scenarios) -> float:
+    """How many equally likely scenarios weighted ones are worth: 1 over the sum of squares."""
+    return float(1.0 / (scenarios.probability**2).sum())
+
+
+def _chances(members: int, given: ArrayLike | None) -> Floats:
+    found = np.full(members, 1.0) if given is None else np.asarray(given, float)
+    if found.shape != (members,) or members == 0 or not (found >= 0).all() or not found.sum():
+        raise UsageError(
+            f"{found.size} member probabilities for {members} winds; allowed: one a wind, none "
+            "negative, not all 0",
+            hint="leave them out where all members are equally likely",
+        )
+    chances: Floats = found / found.sum()
+    return chances
+
+
+class _Draws:
+    """Random numbers of all scenarios; a scenario's do not depend on how many there are."""
+
+    def __init__(self, n: int, lines: int, rng: np.random.Generator) -> None:
+        self.shape = (n, lines)
+        member, normal, self._next = rng.spawn(3)
+        self.member: Floats = member.random(n)
+        self.normal: Floats = normal.standard_normal(n)
+        self._rounds: list[tuple[Floats, Floats]] = []
+
+    def at(self, which: int, line: Ints, scenario: Ints, times: Ints) -> Floats:
+        """(events,) exponential (0) or uniform (1) numbers of the so-many-th failure of lines."""
+        while len(self._rounds) <= int(times.max(initial=0)):
+            one, two = self._next.spawn(2)
+            self._rounds.append((one.standard_exponential(self.shape), two.random(self.shape)))
+        found: Floats = np.empty(len(line))
+        for number in np.flatnonzero(np.bincount(times)).tolist():
+            now = times == number
+            found[now] = self._rounds[number][which][scenario[now], line[now]]
+        return found
+
+
+class _Storms:
+    """Winds, and the scenarios that each of them befalls."""
+
+    def __init__(
+        self,
+        lines: Lines,
+        winds: Sequence[WindAtSpans],
+        member: Ints,
+        z: Floats,
+        draws: _Draws,
+        timing: Timing,
+    ) -> None:
+        self.lines, self.winds, self.member, self.draws = lines, winds, member, draws
+        self.timing, self.place, self.clocks = timing, np.empty(len(z), np.intp), []
+        for k, wind in enumerate(winds):
+            mine = np.flatnonzero(member == k)
+            self.place[mine] = np.arange(len(mine))
+            score = scores(lines, span_speed(lines, wind))
+            self.clocks.append(Clock(lines, score, z[mine], timing) if len(mine) else None)
+        self.slots = score.shape[1]
+
+    def fails(self, line: Ints, scenario: Ints, times: Ints, start: int) -> Ints:
+        """(events,) slot in which lines that are new at a slot fail."""
+        e = self.draws.at(0, line, scenario, times)
+        found = np.empty(len(line), np.intp)
+        for k, clock in enumerate(self.clocks):
+            mine = np.flatnonzero(self.member[scenario] == k)
+            if clock is not None and len(mine):
+                place = self.place[scenario[mine]]
+                found[mine] = clock.first(line[mine], place, e[mine], start)
+        return found
+
+    def outages(self, repair: Repair | None, refail: bool) -> Bools:
+        """(lines, slots, scenarios) True where a line is down."""
+        shape = (len(self.lines.names), len(self.member))
+        line, scenario = (index.ravel() for index in np.indices(shape))
+        first = self.fails(line, scenario, np.zeros(len(line), np.intp), 0).reshape(shape)
+        if repair is None:
+            return first[:, None, :] <= np.arange(self.slots)[:, None]
+
+        def length(line: Ints, scenario: Ints, times: Ints) -> Ints:
+            u = self.draws.at(1, line, scenario, times)
+            return repair.work_slots(u, self.timing.step_h)
+
+        calm = np.array([self._calm(wind, repair.wind_limit_mps) for wind in self.winds])
+        return repaired(
+            first,
+            length,
+            lambda t: calm[self.member, :, t].T if len(calm) > 1 else calm[0][:, t, None],
+            self.slots,
+            crews=repair.crews,
+            order=repair.order(self.lines.names),
+            again=self.fails if refail else None,
+        ).down
+
+    def _calm(self, wind: WindAtSpans, limit: float) -> Bools:
+        """(lines, slots) True where no span of a line is in a wind above the limit."""
+        windy = np.zeros((len(self.lines.names), self.slots), bool)
+        np.logical_or.at(windy, self.lines.span_line, wind.speed_mps > limit)
+        return ~windy

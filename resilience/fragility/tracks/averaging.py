@@ -1,0 +1,72 @@
+"""Averaging times of agencies, and what their winds are as means over one minute.
+
+Agencies report the largest wind as means over 1, 2, 3 or 10 minutes, and estimate it in different
+ways. The relations v = a v(1 min) + b, in knots, are those CLIMADA uses for the agency columns of
+IBTrACS. Winds of no known agency are converted by their averaging time alone: 10 minutes by 0.88,
+the convention of the agencies of the southern hemisphere, 2 minutes as CMA's, 3 as New Delhi's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from resilience.fragility.scenarios import Floats
+from resilience.fragility.tracks.track import Track
+
+KNOT_MPS = 0.514444
+NAUTICAL_MILE_KM = 1.852
+
+
+@dataclass(frozen=True)
+class Agency:
+    """Averaging time, s, and the relation v = factor v(1 min) + offset, knots."""
+
+    averaging_s: float
+    factor: float
+    offset_kt: float = 0.0
+
+
+AGENCIES: dict[str, Agency] = {
+    "usa": Agency(60.0, 1.0),
+    "tokyo": Agency(600.0, 0.60, 23.3),
+    "cma": Agency(120.0, 0.871),
+    "hko": Agency(600.0, 0.9),
+    "newdelhi": Agency(180.0, 1.0),
+    "reunion": Agency(600.0, 0.88),
+    "bom": Agency(600.0, 0.88),
+    "nadi": Agency(600.0, 0.88),
+    "wellington": Agency(600.0, 0.88),
+}
+NAMELESS: dict[float, Agency] = {
+    60.0: AGENCIES["usa"],
+    120.0: AGENCIES["cma"],
+    180.0: AGENCIES["newdelhi"],
+    600.0: AGENCIES["bom"],
+}
+
+
+def one_minute(track: Track) -> Track:
+    """The track with winds as means over one minute; itself where they are."""
+    if track.averaging_s == 60.0:
+        return track
+    v = to_one_minute(track.vmax_mps, relation(track.averaging_s, track.agency))
+    return replace(track, vmax_mps=v, averaging_s=60.0, agency="usa")
+
+
+def relation(averaging_s: float, agency: str = "") -> Agency:
+    """The relation of an agency, or that of an averaging time where no agency is named."""
+    return AGENCIES[agency] if agency else NAMELESS[averaging_s]
+
+
+def to_one_minute(v_mps: Floats, agency: Agency) -> Floats:
+    """Winds of an agency, m/s, as means over one minute; no wind stays none."""
+    found: Floats = np.maximum(v_mps - agency.offset_kt * KNOT_MPS, 0.0) / agency.factor
+    return found
+
+
+def from_one_minute(v_mps: Floats, agency: Agency) -> Floats:
+    """One-minute winds, m/s, as an agency would report them."""
+    found: Floats = np.where(v_mps > 0, agency.factor * v_mps + agency.offset_kt * KNOT_MPS, 0.0)
+    return found

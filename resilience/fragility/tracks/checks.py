@@ -1,0 +1,134 @@
+"""What can be wrong with a track, all of it, with the row of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from resilience.errors import Problem
+from resilience.fragility.scenarios import Bools, Floats, Ints
+from resilience.fragility.sphere import legs
+from resilience.fragility.tracks.averaging import NAMELESS
+from resilience.fragility.tracks.track import Times
+
+FASTEST_KMH = 200.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Lowest and highest value a field may have, and what a value beyond them usually is."""
+
+    low: float
+    high: float
+    unit: str
+    hint: str
+
+
+LIMITS: dict[str, Limit] = {
+    "lat": Limit(-90.0, 90.0, "degrees north", "south is negative"),
+    "lon": Limit(-180.0, 360.0, "degrees east", "west is negative, or counted on from 180"),
+    "vmax_mps": Limit(
+        0.0, 110.0, "m/s", "winds in knots belong in a column `vmax_kt`, in km/h in `vmax_kmh`"
+    ),
+    "pressure_hpa": Limit(850.0, 1080.0, "hPa", "1 hPa is 1 mbar, 100 Pa, 0.75 mmHg"),
+    "penv_hpa": Limit(900.0, 1080.0, "hPa", "1010 hPa is usual"),
+    "rmw_km": Limit(1.0, 500.0, "km", "a radius in nautical miles belongs in a column `rmw_nmi`"),
+}
+
+
+def problems(
+    file: str, time: Times, fields: dict[str, Floats], rows: Ints, averaging_s: float | None
+) -> Iterator[Problem]:
+    """Every mistake of a track.
+
+    Args:
+        file: name for messages.
+        time: (n,) NaT where it could not be read, which the reader has reported.
+        fields: (n,) by name, NaN is a gap.
+        rows: (n,) line of the file, for messages.
+        averaging_s: of the wind; None if unknown.
+    """
+    yield from _averaging(file, averaging_s)
+    if len(time) < 2:
+        yield Problem(
+            file, "track", "points", str(len(time)), "2 or more", "a storm needs a path to move on"
+        )
+    yield from _times(file, time, rows)
+    yield from _ranges(file, fields, rows)
+    yield from _gaps(file, fields, rows)
+    if not any(True for _ in _ranges(file, fields, rows)):
+        yield from _leaps(file, time, fields, rows)
+
+
+def _averaging(file: str, averaging_s: float | None) -> Iterator[Problem]:
+    if averaging_s not in NAMELESS:
+        yield Problem(
+            file,
+            "track",
+            "averaging_s",
+            "missing" if averaging_s is None else f"{averaging_s:g}",
+            f"the averaging time of the wind, s: {', '.join(f'{key:g}' for key in NAMELESS)}",
+            "60 for NHC and JTWC, 120 for CMA, 600 for JMA and most others; "
+            "as a column or an argument `averaging_s`",
+        )
+
+
+def _times(file: str, time: Times, rows: Ints) -> Iterator[Problem]:
+    known = np.flatnonzero(~np.isnat(time))
+    for before, after in pairwise(known):
+        if time[after] <= time[before]:
+            same = time[after] == time[before]
+            yield Problem(
+                file,
+                f"row {rows[after]}",
+                "time",
+                f"{time[after]}{', twice' if same else f' after {time[before]}'}",
+                "times that rise from row to row",
+                "leave one of the two out" if same else "sort the rows by time",
+            )
+
+
+def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+    for key, limit in LIMITS.items():
+        value = fields[key]
+        outside: Bools = ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
+        for k in np.flatnonzero(outside):
+            allowed = f"{limit.low:g} to {limit.high:g} {limit.unit}"
+            yield Problem(file, f"row {rows[k]}", key, f"{value[k]:g}", allowed, limit.hint)
+
+
+def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+    for key in ("lat", "lon"):
+        for k in np.flatnonzero(np.isnan(fields[key])):
+            yield Problem(
+                file, f"row {rows[k]}", key, "nothing", "a number", "leave out rows without a place"
+            )
+    if len(rows) and (np.isnan(fields["pressure_hpa"]) & np.isnan(fields["vmax_mps"])).all():
+        yield Problem(
+            file,
+            "track",
+            "vmax_mps",
+            "neither wind nor pressure in any row",
+            "one of them, in one row at least",
+            "columns are `vmax_mps` or `vmax_kt`, and `pressure_hpa`",
+        )
+
+
+def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+    """Legs no storm can travel: a slip in a sign, or latitude and longitude exchanged."""
+    if np.isnat(time).any() or np.isnan(fields["lat"] + fields["lon"]).any():
+        return
+    hours = np.diff(time).astype("timedelta64[s]").astype(float) / 3600.0
+    length = legs(fields["lat"], fields["lon"])[0] / 1000.0
+    for k in np.flatnonzero((hours > 0) & (length > FASTEST_KMH * hours)):
+        yield Problem(
+            file,
+            f"row {rows[k + 1]}",
+            "lat, lon",
+            f"{length[k]:.0f} km from the row before, {hours[k]:g} h earlier",
+            f"at most {FASTEST_KMH:g} km/h",
+            "look for a sign, or for latitude and longitude exchanged",
+        )

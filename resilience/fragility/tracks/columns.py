@@ -1,0 +1,240 @@
+"""Named columns to a track: units by name, every mistake at once, gaps filled.
+
+All readers end here, and so does a storm stated in a case. A column's name carries its unit:
+`vmax_mps`, `vmax_kt`, `vmax_kmh`, `rmw_km`, `rmw_nmi`, `pressure_hpa`, `penv_hpa`; `time`, `lat`,
+`lon` and the usual variants of these names are known too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from resilience.errors import CaseError, Problem
+from resilience.fragility.scenarios import Floats, Ints
+from resilience.fragility.tracks.averaging import KNOT_MPS, NAUTICAL_MILE_KM
+from resilience.fragility.tracks.checks import problems
+from resilience.fragility.tracks.fill import filled
+from resilience.fragility.tracks.track import Times, Track
+
+KNOWN: dict[str, tuple[str, float]] = {
+    "lat": ("lat", 1.0),
+    "lon": ("lon", 1.0),
+    "pressure_hpa": ("pressure_hpa", 1.0),
+    "vmax_mps": ("vmax_mps", 1.0),
+    "vmax_kt": ("vmax_mps", KNOT_MPS),
+    "vmax_kmh": ("vmax_mps", 1.0 / 3.6),
+    "vmax_mph": ("vmax_mps", 0.44704),
+    "rmw_km": ("rmw_km", 1.0),
+    "rmw_nmi": ("rmw_km", NAUTICAL_MILE_KM),
+    "penv_hpa": ("penv_hpa", 1.0),
+}
+SAME: dict[str, str] = {
+    "time_utc": "time",
+    "iso_time": "time",
+    "datetime": "time",
+    "lat_deg": "lat",
+    "latitude": "lat",
+    "lon_deg": "lon",
+    "longitude": "lon",
+    "central_pressure_hpa": "pressure_hpa",
+    "pc_hpa": "pressure_hpa",
+    "vmax_ms": "vmax_mps",
+    "max_sustained_wind_ms": "vmax_mps",
+    "max_sustained_wind_kt": "vmax_kt",
+    "vmax_kn": "vmax_kt",
+    "environmental_pressure_hpa": "penv_hpa",
+}
+FIELDS = ("lat", "lon", "pressure_hpa", "vmax_mps", "rmw_km", "penv_hpa")
+UNITLESS = ("vmax", "wind", "vm", "pressure", "pc", "pres", "rmw", "penv")
+EMPTY = ("", "na", "n/a", "nan", "none", "-")
+GAPS = (-99.0, -999.0)  # in agencies' files; a longitude may well be -99
+
+
+@dataclass
+class About:
+    """What is known of a track besides its rows.
+
+    Attributes:
+        file: name for messages.
+        name, source: of the storm, of the analysis.
+        averaging_s: of the wind, s; None if unknown, an error unless a column says it.
+        agency: a name of `AGENCIES`, or empty.
+        basin: NA, EP, SA, NI, SI, WP or SP, for the environment's pressure; or empty.
+        penv_hpa: pressure of the environment where no column says it; by basin if None.
+        rmw: regression for a missing radius of maximum wind, a name of `RADII`.
+        rows: (n,) line of the file of each row, for messages; from 1 if omitted.
+        problems: mistakes found so far.
+    """
+
+    file: str = "track"
+    name: str = ""
+    source: str = ""
+    averaging_s: float | None = None
+    agency: str = ""
+    basin: str = ""
+    penv_hpa: float | None = None
+    rmw: str = "ibtracs"
+    rows: Sequence[int] | None = None
+    problems: list[Problem] = field(default_factory=list)
+
+    def wrong(self, row: int | str, key: str, value: object, allowed: str, hint: str) -> None:
+        """Notes a mistake."""
+        where = f"row {row}" if isinstance(row, int | np.integer) else row
+        self.problems.append(Problem(self.file, where, key, str(value), allowed, hint))
+
+
+def track_of(columns: Mapping[str, Sequence[Any]], **about: Any) -> Track:
+    """A track from columns of numbers or text.
+
+    Args:
+        columns: (n,) each, by name: `time` (ISO 8601 or datetime, UTC unless it says otherwise),
+            `lat`, `lon`, and `pressure_hpa` or `vmax_mps` (`vmax_kt`, `vmax_kmh`) or both; maybe
+            `rmw_km` (`rmw_nmi`), `penv_hpa`, `averaging_s`. None, NaN and empty text are gaps.
+        about: fields of `About`: `averaging_s` (mandatory unless a column), `name`, `source`,
+            `basin`, `penv_hpa`, `rmw`.
+
+    Raises:
+        CaseError: any mistake; all of them are listed, by row.
+        UsageError: an unknown regression.
+    """
+    return build(columns, About(**about))
+
+
+def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
+    """As `track_of`, with what a reader knows of the file."""
+    named = _named(columns, about)
+    n = len(named["time"])
+    rows: Ints = np.arange(1, n + 1) if about.rows is None else np.asarray(about.rows, np.intp)
+    time = _times(named["time"], rows, about)
+    fields = {key: np.full(n, np.nan) for key in FIELDS}
+    for key, (target, scale) in KNOWN.items():
+        if key in named:
+            fields[target] = scale * _numbers(key, named[key], rows, about)
+    about.averaging_s = _averaging(named, rows, about)
+    about.problems += problems(about.file, time, fields, rows, about.averaging_s)
+    if about.problems:
+        raise CaseError(sorted(about.problems, key=_row))
+    return _finished(time, fields, about)
+
+
+def _row(problem: Problem) -> int:
+    """Order of mistakes: those of the whole file, then row by row."""
+    _, _, row = problem.table.partition("row ")
+    return int(row) if row.isdigit() else 0
+
+
+def _finished(time: Times, fields: dict[str, Floats], about: About) -> Track:
+    fields["lon"] = np.where(fields["lon"] > 180.0, fields["lon"] - 360.0, fields["lon"])
+    seconds = (time - time[0]).astype("timedelta64[s]").astype(float)
+    found, notes = filled(fields | {"seconds": seconds}, vars(about))
+    del found["seconds"]
+    assert about.averaging_s is not None
+    return Track(
+        about.name,
+        about.source or about.file,
+        time,
+        **found,
+        averaging_s=float(about.averaging_s),
+        filled=notes,
+        agency=about.agency,
+    )
+
+
+def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequence[Any]]:
+    """The columns that are known, by their one name; mistakes in the heading are noted."""
+    found: dict[str, Sequence[Any]] = {}
+    source: dict[str, str] = {}
+    for heading, values in columns.items():
+        key = heading.strip().lower()
+        key = SAME.get(key, key)
+        target = KNOWN.get(key, (key, 1.0))[0]
+        if target in source:
+            about.wrong(
+                "heading",
+                heading,
+                f"besides {source[target]!r}",
+                "one of them",
+                "they say the same",
+            )
+            continue
+        if key in UNITLESS:
+            hint = "winds: vmax_mps, vmax_kt; pressures: pressure_hpa, penv_hpa; radius: rmw_km"
+            about.wrong("heading", heading, "no unit", "a name with a unit", hint)
+        if key in KNOWN or key in ("time", "averaging_s"):
+            source[target] = heading
+            found[key] = values
+    missing = [key for key in ("time", "lat", "lon") if key not in found]
+    for key in missing:
+        about.wrong("heading", key, "no such column", f"a column {key}", "columns need a heading")
+    if len({len(values) for values in found.values()}) > 1:
+        lengths = ", ".join(f"{key} {len(values)}" for key, values in found.items())
+        about.wrong(
+            "heading", "columns", lengths, "columns of one length", "fill gaps with nothing"
+        )
+        missing.append("length")
+    if missing:
+        raise CaseError(about.problems)
+    return found
+
+
+def _times(values: Sequence[Any], rows: Ints, about: About) -> Times:
+    found = np.full(len(values), "NaT", "datetime64[s]")
+    for k, value in enumerate(values):
+        try:
+            found[k] = _moment(value)
+        except ValueError:
+            about.wrong(
+                int(rows[k]), "time", value, "a time as 2014-07-18T06:00Z", "times are in UTC"
+            )
+    return found
+
+
+def _moment(value: Any) -> np.datetime64:
+    """Accepts text, datetime and datetime64; what has no zone is UTC."""
+    if isinstance(value, str):
+        value = datetime.fromisoformat(value.strip())
+    if isinstance(value, datetime):
+        value = value.astimezone(UTC).replace(tzinfo=None) if value.tzinfo else value
+    found = np.datetime64(value, "s")
+    if np.isnat(found):
+        raise ValueError(value)
+    return found
+
+
+def _numbers(key: str, values: Sequence[Any], rows: Ints, about: About) -> Floats:
+    found = np.full(len(values), np.nan)
+    for k, value in enumerate(values):
+        text = "" if value is None else str(value).strip()
+        if text.lower() in EMPTY:
+            continue
+        try:
+            number = float(text)
+            if not np.isfinite(number):
+                raise ValueError(text)
+        except ValueError:
+            about.wrong(int(rows[k]), key, value, "a number, or nothing", "a point is the decimal")
+            continue
+        if key == "lon" or number not in GAPS:
+            found[k] = number
+    return found
+
+
+def _averaging(named: Mapping[str, Sequence[Any]], rows: Ints, about: About) -> float | None:
+    """The averaging time, from the column or what is known; they must not contradict each other."""
+    said = set()
+    if "averaging_s" in named:
+        column = _numbers("averaging_s", named["averaging_s"], rows, about)
+        said = set(column[~np.isnan(column)].tolist())
+    if about.averaging_s is not None:
+        said.add(float(about.averaging_s))
+    if len(said) > 1:
+        values = ", ".join(f"{value:g}" for value in sorted(said))
+        about.wrong(
+            "track", "averaging_s", values, "one averaging time", "convert one of them first"
+        )
+    return min(said, default=None)

@@ -1,0 +1,85 @@
+"""HURDAT2, the best tracks of the National Hurricane Center: 1-min means, knots.
+
+A header `AL092017, HARVEY, 74,` and that many rows: date, time, record, status, latitude,
+longitude, wind (kt), pressure (hPa), twelve radii, and since 2021 the radius of maximum wind
+(nmi). -99 and -999 are gaps.
+"""
+
+from __future__ import annotations
+
+from resilience.errors import CaseError
+from resilience.fragility.tracks.averaging import AGENCIES
+from resilience.fragility.tracks.columns import About, build
+from resilience.fragility.tracks.plain import chosen
+from resilience.fragility.tracks.track import Track
+
+BASINS = {"AL": "NA", "EP": "EP", "CP": "EP"}
+Row = tuple[list[str], int]
+
+
+def parse(text: str, about: About, storm: str | None) -> Track:
+    """One storm of a HURDAT2 file, by identifier or name.
+
+    Raises:
+        CaseError: mistakes in the storm's rows.
+        UsageError: the storm is not in the file, or must be named.
+    """
+    storms = _storms(text)
+    titles = [title for _, title, _, _ in storms]
+    by_name = storm is not None and storm.casefold() in [title.casefold() for title in titles]
+    names = titles if by_name else [identifier for identifier, _, _, _ in storms]
+    name = chosen(names, storm, about.file)
+    same = [found for found, key in zip(storms, names, strict=True) if key == name]
+    if len(same) > 1:
+        name = chosen([head[0] for head in same], None, about.file)
+    identifier, title, count, rows = same[0]
+    about.name, about.agency, about.basin = title, "usa", BASINS.get(identifier[:2], "")
+    about.source = f"{about.file}: {identifier}, HURDAT2"
+    about.averaging_s = about.averaging_s or AGENCIES["usa"].averaging_s
+    if count != str(len(rows)):
+        about.wrong(
+            identifier, "rows", len(rows), f"{count}, as its header says", "rows are missing"
+        )
+    return build(_columns(rows, about), about)
+
+
+def _storms(text: str) -> list[tuple[str, str, str, list[Row]]]:
+    """Identifier, name, number of rows stated, and the rows, of every storm."""
+    found: list[tuple[str, str, str, list[Row]]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        parts = [part.strip() for part in line.split(",")]
+        if not line.strip() or line.startswith("#"):
+            continue
+        if parts[0][:2].isalpha() and len(parts) >= 3:
+            found.append((parts[0], parts[1], parts[2], []))
+        elif found:
+            found[-1][3].append((parts, number))
+    return found
+
+
+def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {
+        key: [] for key in ("time", "lat", "lon", "vmax_kt", "pressure_hpa", "rmw_nmi")
+    }
+    numbers = []
+    for parts, number in rows:
+        if len(parts) < 8:
+            about.wrong(number, "columns", len(parts), "8 or more", "is it a row of HURDAT2?")
+            continue
+        numbers.append(number)
+        day, hour = parts[0], parts[1]
+        found["time"].append(f"{day[:4]}-{day[4:6]}-{day[6:]}T{hour[:2]}:{hour[2:]}")
+        found["lat"].append(_signed(parts[4], "S"))
+        found["lon"].append(_signed(parts[5], "W"))
+        found["vmax_kt"].append(parts[6])
+        found["pressure_hpa"].append(parts[7])
+        found["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
+    about.rows = numbers
+    if not numbers and about.problems:
+        raise CaseError(about.problems)
+    return found
+
+
+def _signed(text: str, negative: str) -> str:
+    """`45.8W` as `-45.8`; what is no such thing stays, to be reported."""
+    return f"{'-' if text.endswith(negative) else ''}{text.rstrip('NSEW')}"

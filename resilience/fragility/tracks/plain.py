@@ -1,0 +1,86 @@
+"""CSV files with a heading: time, lat, lon, pressure_hpa, vmax_mps or vmax_kt, and more.
+
+Lines that begin with `#` are comments. A column `storm` or `name` tells several storms apart.
+"""
+
+from __future__ import annotations
+
+import csv
+
+from resilience.errors import CaseError, UsageError
+from resilience.fragility.tracks.columns import About, build
+from resilience.fragility.tracks.track import Track
+
+
+def parse(text: str, about: About, storm: str | None) -> Track:
+    """One storm of a CSV file.
+
+    Raises:
+        CaseError: mistakes in the file.
+        UsageError: the storm is not in it, or must be named.
+    """
+    rows, numbers = data_rows(text)
+    heading = [part.strip() for part in rows[0]] if rows else []
+    lower = [part.lower() for part in heading]
+    body = []
+    for row, number in zip(rows[1:], numbers[1:], strict=True):
+        if len(row) != len(heading):
+            about.wrong(
+                number,
+                "columns",
+                len(row),
+                f"{len(heading)}, as the heading has",
+                "count the commas",
+            )
+        else:
+            body.append((row, number))
+    column = next((lower.index(key) for key in ("storm", "name") if key in lower), None)
+    if column is None:
+        if storm is not None:
+            about.name = storm
+    else:
+        about.name = chosen([row[column] for row, _ in body], storm, about.file)
+        body = [(row, k) for row, k in body if _same(row[column], about.name)]
+    if len(set(lower)) < len(lower):
+        about.wrong("heading", "columns", "a name twice", "each name once", "rename one of them")
+        raise CaseError(about.problems)
+    about.rows = [number for _, number in body]
+    return build({key: [row[k] for row, _ in body] for k, key in enumerate(heading)}, about)
+
+
+def data_rows(text: str) -> tuple[list[list[str]], list[int]]:
+    """The rows of a CSV file without comments and blanks, and their lines from 1."""
+    lines = [
+        (line, k)
+        for k, line in enumerate(text.splitlines(), 1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    return list(csv.reader(line for line, _ in lines)), [k for _, k in lines]
+
+
+def chosen(names: list[str], storm: str | None, file: str) -> str:
+    """The storm that is meant, of the names in a file.
+
+    Raises:
+        UsageError: it is not there, or there are several and none is named.
+    """
+    there = list(dict.fromkeys(name.strip() for name in names))
+    few = ", ".join(there[:8]) + (f" and {len(there) - 8} more" if len(there) > 8 else "")
+    if storm is None and len(there) == 1:
+        return there[0]
+    if storm is None:
+        raise UsageError(
+            f"{file} has {len(there)} storms: {few or 'none'}; allowed: one",
+            hint="say which with `storm`",
+        )
+    found = [name for name in there if _same(name, storm)]
+    if not found:
+        raise UsageError(
+            f"storm {storm!r} is not in {file}; allowed: {few or 'none'}",
+            hint="an identifier or a name",
+        )
+    return found[0]
+
+
+def _same(one: str, other: str) -> bool:
+    return one.strip().casefold() == other.strip().casefold()

@@ -1,0 +1,97 @@
+"""A track from a file, whatever the format."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from resilience.errors import UsageError
+from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
+from resilience.fragility.tracks.averaging import AGENCIES
+from resilience.fragility.tracks.columns import About
+from resilience.fragility.tracks.track import Track
+
+FORMATS = ("ibtracs", "hurdat2", "cma", "csv")
+OPTIONS = ("agency", "penv_hpa", "rmw", "basin")
+
+
+def read_track(
+    path: str | Path,
+    *,
+    format: str | None = None,
+    averaging_s: float | None = None,
+    storm: str | None = None,
+    **options: Any,
+) -> Track:
+    """Reads one storm.
+
+    Args:
+        path: of the file.
+        format: `ibtracs` (CSV, version 4), `hurdat2`, `cma` (the agency's best-track text) or
+            `csv`; by the look of the file if omitted. `hurdat2` and `cma` also read a plain CSV
+            file of these agencies, and know its averaging time.
+        averaging_s: of the wind, s, for a CSV file without such a column. What the format
+            or agency states must not be contradicted.
+        storm: identifier or name (`AL092017`, `HARVEY`), needed where a file has several.
+        options: `agency` (IBTrACS: usa, wmo, tokyo, cma, hko, ...; by default usa where it has
+            winds for at least half of the points, else whoever has most), `penv_hpa`, `rmw` and
+            `basin` as in `track_of`.
+
+    Raises:
+        CaseError: the file has mistakes; all of them are listed, with their rows.
+        UsageError: no such file, format, storm, agency or option.
+    """
+    path = Path(path)
+    _check(path, format, options)
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    looks = _look(text)
+    about = About(file=path.name, averaging_s=averaging_s)
+    for key in ("penv_hpa", "rmw", "basin"):
+        if options.get(key) is not None:
+            setattr(about, key, options[key])
+    kind = looks if format in (None, looks) else format
+    if looks == "csv":
+        if kind in ("cma", "hurdat2"):
+            about.agency, basin = {"cma": ("cma", "WP"), "hurdat2": ("usa", "")}[kind]
+            about.basin = about.basin or basin
+            about.averaging_s = averaging_s or AGENCIES[about.agency].averaging_s
+        return plain.parse(text, about, storm)
+    if kind != looks:
+        raise UsageError(
+            f"{path.name} looks like {looks}, not {kind}; allowed: its own format",
+            hint="leave out the format",
+        )
+    if kind == "ibtracs":
+        return ibtracs.parse(text, about, storm, options.get("agency"))
+    if kind == "hurdat2":
+        return hurdat2.parse(text, about, storm)
+    return cma.parse(text, about, storm)
+
+
+def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
+    unknown = set(options) - set(OPTIONS)
+    if unknown:
+        raise UsageError(
+            f"option {min(unknown)!r} of a track; allowed: {', '.join(OPTIONS)}",
+            hint="averaging_s, format and storm are arguments of their own",
+        )
+    if format is not None and format not in FORMATS:
+        raise UsageError(
+            f"track format {format!r}; allowed: {', '.join(FORMATS)}",
+            hint="leave it out: files are told apart by their look",
+        )
+    if not path.is_file():
+        raise UsageError(f"track file {path} does not exist", hint="give the path of a file")
+
+
+def _look(text: str) -> str:
+    """The format of a file, from its first line that is no comment."""
+    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    first = next(lines, "")
+    if re.match(r"\s*[A-Z]{2}\d{6}\s*,", first):
+        return "hurdat2"
+    if re.match(r"66666\s", first):
+        return "cma"
+    headings = {part.strip().upper() for part in first.split(",")}
+    return "ibtracs" if {"SID", "ISO_TIME"} <= headings else "csv"

@@ -1,0 +1,57 @@
+"""A storm's track: where its eye is, how deep, how strong, and what was not said but filled in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from resilience.fragility.scenarios import Bools, Floats
+
+Times = NDArray[np.datetime64]
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A tropical cyclone, point by point. All arrays are (n,).
+
+    Attributes:
+        name: of the storm.
+        source: file, and whose analysis it is.
+        time: UTC, rising, to the second.
+        lat, lon: of the eye, degrees north and east. Longitudes of an interpolated track go on
+            beyond 180 where it crosses the dateline.
+        pressure_hpa: in the centre.
+        vmax_mps: largest sustained wind, a mean over `averaging_s` at 10 m over water.
+        rmw_km: radius of maximum wind.
+        penv_hpa: pressure of the surroundings.
+        averaging_s: of `vmax_mps`: 60, 120, 180 or 600.
+        filled: field -> how many of its values were filled in, and how. Empty where nothing was.
+        agency: whose winds they are, a name of `averaging.AGENCIES`, or empty.
+    """
+
+    name: str
+    source: str
+    time: Times
+    lat: Floats
+    lon: Floats
+    pressure_hpa: Floats
+    vmax_mps: Floats
+    rmw_km: Floats
+    penv_hpa: Floats
+    averaging_s: float
+    filled: dict[str, str] = field(default_factory=dict)
+    agency: str = ""
+
+    @property
+    def present(self) -> Bools:
+        """(n,) False where there is no storm: neither wind nor a deficit of pressure."""
+        found: Bools = (self.vmax_mps > 0) | (self.pressure_hpa < self.penv_hpa)
+        return found
+
+    @property
+    def seconds(self) -> Floats:
+        """(n,) since the first point."""
+        found: Floats = (self.time - self.time[0]).astype("timedelta64[s]").astype(float)
+        return found

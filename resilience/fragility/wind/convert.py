@@ -1,0 +1,147 @@
+"""From one kind of wind to another: averaging time, height, exposure, each factor with its source.
+
+A conversion goes through the one-minute mean at 10 m, the kind that wind fields give. What has no
+source here is refused:
+
+- **averaging time**, at 10 m: `AVERAGING`. Those of Harper, Kepert and Ginger 2010 (WMO/TD-No.
+  1555), at sea and in-land: gusts of 3 s, as quoted by stormwindmodel; ten minutes at sea by their
+  0.93 for sustained winds, in-land by the gust factor 1.21 of a minute in ten. 0.2 s is TCRM's.
+- **exposure**, one-minute means at 10 m: `ROUGHNESS`, a factor over land.
+- **height**, means over a minute or more: the logarithmic profile with the roughness lengths of
+  Eurocode 1 (EN 1991-1-4, table 4.1): 0.003 m for the sea, 0.05 m for open country. Gusts at other
+  heights are refused: the factors hold at 10 m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from resilience.errors import UsageError
+from resilience.fragility.scenarios import Floats
+
+EXPOSURES = ("water", "land")
+REFERENCE_HEIGHT_M = 10.0
+SUSTAINED_S = 60.0
+
+
+class Kind(NamedTuple):
+    """What a wind speed is: a mean over `averaging_s` at `height_m` over `exposure`."""
+
+    averaging_s: float
+    height_m: float
+    exposure: str
+
+    def __str__(self) -> str:
+        return f"{self.averaging_s:g} s at {self.height_m:g} m over {self.exposure}"
+
+
+class Factor(NamedTuple):
+    """Of a one-minute mean at 10 m, and where it comes from."""
+
+    value: float
+    source: str
+
+
+AVERAGING: dict[tuple[str, float], Factor] = {
+    ("water", 60.0): Factor(1.0, ""),
+    ("land", 60.0): Factor(1.0, ""),
+    ("water", 3.0): Factor(1.11, "Harper 2010, at sea"),
+    ("land", 3.0): Factor(1.49, "Harper 2010, in-land"),
+    ("water", 600.0): Factor(0.93, "Harper 2010, at sea"),
+    ("land", 600.0): Factor(1.0 / 1.21, "Harper 2010, in-land"),
+    ("land", 0.2): Factor(1.35, "TCRM"),
+}
+ROUGHNESS_LENGTH_M = {"water": 0.003, "land": 0.05}
+LOWEST_M, HIGHEST_M = 2.0, 200.0
+
+
+def knaff(inland_km: Floats) -> Floats:
+    """0.8 over land, however far (Knaff et al. 2011, as coded in stormwindmodel)."""
+    return np.full_like(inland_km, 0.8)
+
+
+def tchazards(inland_km: Floats) -> Floats:
+    """0.66 + 0.34 exp(-d/0.4) at a distance of d km from the coast (TCHazaRds)."""
+    found: Floats = 0.66 + 0.34 * np.exp(-inland_km / 0.4)
+    return found
+
+
+ROUGHNESS: dict[str, Callable[[Floats], Floats]] = {"knaff2011": knaff, "tchazards": tchazards}
+
+
+def factor(
+    now: Kind, wanted: Kind, roughness: str, inland_km: ArrayLike | None
+) -> tuple[Floats, list[str]]:
+    """The factor from one kind of wind to another, (points, 1) or (1, 1), and its names.
+
+    Raises:
+        UsageError: a conversion without a source, or a roughness without what it needs.
+    """
+    value, names = np.ones((1, 1)), list[str]()
+    if now == wanted:
+        return value, names
+    for kind, power in ((now, -1), (wanted, 1)):
+        if kind.exposure not in EXPOSURES:
+            raise UsageError(
+                f"exposure {kind.exposure!r}; allowed: {', '.join(EXPOSURES)}",
+                hint="a wind field blows over water",
+            )
+        for step in (_averaging(kind), _height(kind)):
+            value = value * step.value**power
+            names += [f"{step.source}: {step.value**power:.3g}"] if step.source else []
+    if now.exposure != wanted.exposure:
+        reduction = _land(roughness, inland_km)
+        value = value * (reduction if wanted.exposure == "land" else 1.0 / reduction)
+        names.append(f"{roughness}: {now.exposure} to {wanted.exposure}")
+    return value, names
+
+
+def _averaging(kind: Kind) -> Factor:
+    found = AVERAGING.get((kind.exposure, kind.averaging_s))
+    if found is None:
+        known = ", ".join(f"{s:g}" for where, s in sorted(AVERAGING) if where == kind.exposure)
+        raise UsageError(
+            f"no factor between means over 60 s and {kind.averaging_s:g} s over {kind.exposure}; "
+            f"allowed: {known} s",
+            hint="the largest winds of a track are converted by agency: `tracks.one_minute`",
+        )
+    return found
+
+
+def _height(kind: Kind) -> Factor:
+    if kind.height_m == REFERENCE_HEIGHT_M:
+        return Factor(1.0, "")
+    if kind.averaging_s < SUSTAINED_S or not LOWEST_M <= kind.height_m <= HIGHEST_M:
+        raise UsageError(
+            f"no factor between heights of 10 m and {kind.height_m:g} m for {kind}; allowed: "
+            f"{LOWEST_M:g} to {HIGHEST_M:g} m for means over {SUSTAINED_S:g} s or more",
+            hint="gust factors hold at 10 m",
+        )
+    z0 = ROUGHNESS_LENGTH_M[kind.exposure]
+    value = math.log(kind.height_m / z0) / math.log(REFERENCE_HEIGHT_M / z0)
+    return Factor(value, f"log profile, z0 {z0:g} m")
+
+
+def _land(roughness: str, inland_km: ArrayLike | None) -> Floats:
+    """(points, 1) or (1, 1) factor from water to land."""
+    if roughness not in ROUGHNESS:
+        raise UsageError(
+            f"roughness {roughness!r}; allowed: {', '.join(ROUGHNESS)}",
+            hint="knaff2011 needs no distance from the coast",
+        )
+    if roughness == "tchazards" and inland_km is None:
+        raise UsageError(
+            "roughness 'tchazards' without inland_km; allowed: km from the coast, (points,)",
+            hint="knaff2011 needs no distance",
+        )
+    distance = np.atleast_1d(np.asarray(0.0 if inland_km is None else inland_km, float))
+    if not (distance >= 0.0).all():
+        raise UsageError(
+            f"inland_km {distance.min():g}; allowed: 0 or more", hint="winds over land lie inland"
+        )
+    return ROUGHNESS[roughness](distance)[:, None]

@@ -1,0 +1,123 @@
+"""`resilience hazard`: what it prints, writes and draws."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import resilience as rs
+from resilience import fragility
+from resilience.cli import main
+from resilience.fragility.feeder_hazard import Hazard, hazard
+from resilience.plots.hazard import plot_hazard
+
+TRACK = """time,lat,lon,pressure_hpa,vmax_mps,averaging_s
+2023-10-04T00:00,22.2,123.5,945,47.8,120
+2023-10-04T12:00,22.0,122.0,930,54.5,120
+2023-10-05T00:00,21.9,120.9,945,47.8,120
+2023-10-05T12:00,22.0,119.1,970,37.6,120
+2023-10-06T12:00,21.4,116.3,950,47.8,120
+"""
+
+
+@pytest.fixture(scope="module")
+def found() -> Hazard:
+    return hazard("ieee33_koinu", n=200, seed=1)
+
+
+def test_the_summary_is_the_tables_and_names_what_is_made_up(found: Hazard, tmp_path: Path) -> None:
+    folder = found.save(tmp_path / "out")
+    summary = json.loads((folder / "hazard.json").read_text())
+    assert summary["synthetic"] is True
+    assert summary["filled"]["rmw_km"]
+    assert summary["closest_km"] < 20.0
+    failed = {row["line"]: row["failure_probability"] for row in summary["lines"]}
+    assert summary["expected_lines_down"] == pytest.approx(sum(failed.values()))
+    with (folder / "hazard.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == found.storm.case.slots
+    stands = np.prod([1.0 - float(row["16-17"]) for row in rows])
+    assert 1.0 - stands == pytest.approx(failed["16-17"], abs=1e-6)
+    assert rs.load_case("ieee33_koinu").slots == len(rows)
+    assert {path.name for path in folder.iterdir()} == {
+        "hazard.json", "hazard.csv", "failed_by.csv", "wind.csv", "lines.csv", "outages.npz"
+    }  # fmt: skip
+
+
+def test_buses_farther_out_are_cut_off_more_often(found: Hazard) -> None:
+    """On a radial feeder a bus is apart whenever the one before it is."""
+    network = found.storm.case.network
+    apart = found.likely.apart
+    for i, j, up in zip(network.from_bus, network.to_bus, network.in_service, strict=True):
+        if up:
+            assert apart[j] >= apart[i] - 1e-12
+
+
+def test_the_picture_shows_what_it_is(found: Hazard, tmp_path: Path) -> None:
+    figure = plot_hazard(found, tmp_path / "storm.png")
+    assert (tmp_path / "storm.png").stat().st_size > 20_000
+    heading = figure.get_suptitle()
+    assert "Koinu" in heading
+    assert "synthetic geography" in heading
+    with pytest.raises(rs.UsageError, match="allowed suffixes"):
+        plot_hazard(found, tmp_path / "storm.gif")
+
+
+def test_the_command_reads_a_track_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "koinu.csv"
+    path.write_text(TRACK, encoding="utf-8")
+    with pytest.raises(SystemExit) as done:
+        main(["hazard", "ieee33_koinu", "--track", str(path), "-n", "50", "--json"])
+    assert done.value.code == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["storm"] == "koinu"
+    assert len(answer["hazard"]["1-2"]) == 192
+    with pytest.raises(SystemExit):
+        main(["scenarios", "ieee33_koinu", "--track", str(path), "-n", "20", "--json"])
+    drawn = json.loads(capsys.readouterr().out)
+    assert drawn["scenarios"] == 20
+    assert "storm, 1 winds" in drawn["process"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["hazard", "ieee33"], "33 of 33 buses without coordinates"),
+        (["hazard", "ieee33_koinu", "--storm", "KOINU"], "add --track FILE"),
+        (["hazard", "ieee33_koinu", "--track", "nowhere.csv"], "does not exist"),
+        (["scenarios", "ieee33_koinu", "--days", "2"], "a storm comes once"),
+        (["solve", "ieee33", "--outages", "storm"], "buses without coordinates"),
+        (["compare", "ieee33_koinu", "--days", "2"], "its storm comes once"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(words)
+    assert done.value.code == 1
+    assert message in capsys.readouterr().err
+
+
+def test_a_track_without_its_averaging_time_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text("\n".join(line.rpartition(",")[0] for line in TRACK.splitlines()))
+    with pytest.raises(SystemExit):
+        main(["hazard", "ieee33_koinu", "--track", str(path)])
+    assert "averaging_s" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as done:
+        main(["hazard", "ieee33_koinu", "--track", str(path), "--averaging-s", "120", "-n", "5"])
+    assert done.value.code == 0
+
+
+def test_no_public_name_is_hidden_by_a_module() -> None:
+    """`from resilience.fragility import x` must not depend on what was imported before."""
+    folder = Path(fragility.__file__).parent
+    modules = {path.stem for path in folder.iterdir()}
+    assert not modules.intersection(fragility.__all__)

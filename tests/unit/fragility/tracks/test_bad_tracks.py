@@ -1,0 +1,118 @@
+"""Bad tracks: one error that lists every mistake, by row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from resilience.errors import CaseError, UsageError
+from resilience.fragility.tracks import read_track, track_of
+
+BAD = """\
+time,lat,lon,vmax_mps,pressure_hpa,rmw_km,wind
+2020-09-01T00:00,20,115,120,940,40,1
+2020-09-01T06:00,20.5,115,50,94000,40,1
+2020-09-01T06:00,95,115,50,940,0.5,1
+2020-09-01T03:00,21,400,fifty,940,40,1
+noon,21,,50,700,40,1
+2020-09-01T12:00,21,115
+"""
+TIMES = ["2020-09-01T00:00", "2020-09-01T06:00"]
+GOOD: dict[str, Any] = {"time": TIMES, "lat": [20, 21], "lon": [115, 116], "vmax_mps": [40, 40]}
+
+
+def mistakes(columns: dict[str, Any], **about: Any) -> list[tuple[str, str]]:
+    with pytest.raises(CaseError) as caught:
+        track_of(columns, **({"averaging_s": 60} | about))
+    return [(problem.table, problem.key) for problem in caught.value.problems]
+
+
+def test_every_mistake_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text(BAD, encoding="utf-8")
+    with pytest.raises(CaseError) as caught:
+        read_track(tmp_path / "bad.csv")
+    found = [(problem.table, problem.key) for problem in caught.value.problems]
+    rows = [table for table, _ in found if table.startswith("row")]
+    assert rows == sorted(rows)
+    assert set(found) == {
+        ("heading", "wind"),
+        ("track", "averaging_s"),
+        ("row 2", "vmax_mps"),
+        ("row 3", "pressure_hpa"),
+        ("row 4", "time"),
+        ("row 4", "lat"),
+        ("row 4", "rmw_km"),
+        ("row 5", "time"),
+        ("row 5", "lon"),
+        ("row 5", "vmax_mps"),
+        ("row 6", "time"),
+        ("row 6", "lon"),
+        ("row 6", "pressure_hpa"),
+        ("row 7", "columns"),
+    }
+    assert "`vmax_kt`" in str(caught.value)
+    assert "2020-09-01T06:00:00, twice" in str(caught.value)
+
+
+def test_knots_for_metres_per_second_are_suspected() -> None:
+    assert mistakes(GOOD | {"vmax_mps": [140, 40]}) == [("row 1", "vmax_mps")]
+    assert track_of(GOOD | {"vmax_mps": [110, 40]}, averaging_s=60).vmax_mps[0] == 110.0
+
+
+def test_an_averaging_time_is_needed_and_must_be_one() -> None:
+    assert mistakes(GOOD, averaging_s=None) == [("track", "averaging_s")]
+    assert mistakes(GOOD, averaging_s=3) == [("track", "averaging_s")]
+    assert mistakes(GOOD | {"averaging_s": [60, 600]}) == [("track", "averaging_s")]
+
+
+def test_a_storm_needs_two_points_places_and_an_intensity() -> None:
+    one = {key: values[:1] for key, values in GOOD.items()}
+    assert mistakes(one) == [("track", "points")]
+    nothing = {key: [] for key in GOOD}
+    assert ("track", "points") in mistakes(nothing)
+    assert mistakes({"time": TIMES, "lat": [1, 2], "lon": [1, 2]}) == [("track", "vmax_mps")]
+    assert mistakes({"vmax_mps": [1]}) == [("heading", key) for key in ("time", "lat", "lon")]
+    assert mistakes(GOOD | {"lat": [20]}) == [("heading", "columns")]
+    assert mistakes(GOOD | {"vmax_kt": [80, 80]}) == [("heading", "vmax_kt")]
+
+
+def test_a_leap_is_a_slip() -> None:
+    assert mistakes(GOOD | {"lon": [115, -116]}) == [("row 2", "lat, lon")]
+    assert mistakes(GOOD | {"vmax_mps": [40, float("inf")]}) == [("row 2", "vmax_mps")]
+
+
+def test_calls_that_cannot_mean_anything(tmp_path: Path) -> None:
+    path = tmp_path / "track.csv"
+    with pytest.raises(UsageError, match="does not exist"):
+        read_track(path)
+    path.write_text(BAD, encoding="utf-8")
+    with pytest.raises(UsageError, match="allowed: ibtracs, hurdat2, cma, csv"):
+        read_track(path, format="netcdf")
+    with pytest.raises(UsageError, match="option 'agencies'"):
+        read_track(path, agencies="usa")
+    path.write_text("AL092017, X, 0,\n", encoding="utf-8")
+    with pytest.raises(UsageError, match="looks like hurdat2, not ibtracs"):
+        read_track(path, format="ibtracs", averaging_s=60)
+    with pytest.raises(UsageError, match="allowed: ibtracs, vickery2008"):
+        track_of(GOOD, averaging_s=60, rmw="guess")
+
+
+def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
+    path = tmp_path / "t.txt"
+    path.write_text("66666 1409  3 0011 1409 0 6 X 20150324\n2014071800 6 191\n", "utf-8")
+    with pytest.raises(CaseError) as caught:
+        read_track(path)
+    assert {(p.table, p.key) for p in caught.value.problems} == {
+        ("X", "rows"),
+        ("row 2", "row"),
+        ("track", "points"),
+    }
+    path.write_text("AL092017, X, 2,\n20170825, 1800,  , HU, 27.1N\n", "utf-8")
+    with pytest.raises(CaseError) as caught:
+        read_track(path)
+    assert {(p.table, p.key) for p in caught.value.problems} == {
+        ("AL092017", "rows"),
+        ("row 2", "columns"),
+    }

@@ -1,0 +1,189 @@
+"""Tracks from files: every format, its units and its averaging time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared import shared
+
+from resilience.errors import CaseError, UsageError
+from resilience.fragility.tracks import read_track
+
+HURDAT2 = """\
+AL092017,             HARVEY,      3,
+20170825, 1800,  , HU, 27.1N,  96.3W, 105,  943,  140,  100,   60,   90,   70,   50,   40,   50
+20170826, 0000,  , HU, 27.8N,  96.8W, 115, -999,  120,  100,   60,   90,   70,   50,   40,   50
+20170826, 0300, L, HU, 28.0N,  96.9W, 115,  937,  120,  100,   60,   90,   70,   50,   40,   50
+AL112017,               IRMA,      2,
+20170905, 1200,  , HU, 16.7N,  57.7W, 155,  929,  150,  120,   80,  120,   75,   60,   40,   60, \
+  45,   35,   25,   35,   15
+20170905, 1800,  , HU, 16.9N,  59.2W, 155,  926,  150,  120,   80,  120,   75,   60,   40,   60, \
+  45,   35,   25,   35,   15
+"""
+CMA = """\
+66666 1409    3 0011 1409 0 6                 Rammasun              20150324
+2014071800 6 191 1123  900      65
+2014071806 6 199 1113  888      72
+2014071812 6 203 1103  910       0
+66666 0000    2 0012 1410 0 6               (nameless)              20150324
+2014071800 1 191 1797 1004      13
+2014071806 1 199 1803 1004       9
+"""
+IBTRACS = """\
+SID,SEASON,NUMBER,BASIN,SUBBASIN,NAME,ISO_TIME,NATURE,LAT,LON,WMO_WIND,WMO_PRES,WMO_AGENCY,\
+TRACK_TYPE,USA_LAT,USA_LON,USA_WIND,USA_PRES,USA_POCI,USA_RMW,TOKYO_LAT,TOKYO_LON,TOKYO_WIND,\
+TOKYO_PRES,CMA_LAT,CMA_LON,CMA_WIND,CMA_PRES
+ ,Year, , , , , , ,degrees_north,degrees_east,kts,mb, , ,degrees_north,degrees_east,kts,mb,mb,\
+nmile,degrees_north,degrees_east,kts,mb,degrees_north,degrees_east,kts,mb
+2023271N14144,2023,1,WP,MM,KOINU,2023-10-04 12:00:00,TS,21.9,121.6,85,940,tokyo,main,22.0,121.7,\
+120,935,1004,15,21.9,121.6,85,940,21.8,121.5,106,930
+2023271N14144,2023,1,WP,MM,KOINU,2023-10-04 15:00:00,TS,22.0,121.2, , , ,main, , , , , , , , , , ,\
+21.9,121.1,106,930
+2023271N14144,2023,1,WP,MM,KOINU,2023-10-04 18:00:00,TS,22.1,120.9,80,945,tokyo,main,22.1,120.9,\
+115,938,1003,20,22.0,120.9,80,945,22.0,120.8,106,930
+2023271N14144,2023,1,WP,MM,KOINU,2023-10-04 18:00:00,TS,22.1,120.9,80,945,tokyo,spur-split,22.1,\
+120.9,115,938,1003,20,22.0,120.9,80,945,22.0,120.8,106,930
+2023001N14144,2023,2,SP,MM,OTHER,2023-01-04 18:00:00,TS,-12.1,179.9,45,985,nadi,main, , , , , , , ,\
+ , , , , , ,
+2023001N14144,2023,2,SP,MM,OTHER,2023-01-05 00:00:00,TS,-12.6,-179.7,50,980,nadi,main, , , , , , ,\
+ , , , , , , ,
+"""
+PLAIN = """\
+# a comment
+time,lat,lon,vmax_kt,pressure_hpa,averaging_s,note
+2014-07-18T06:00Z,19.9,111.3,140,888,120,first
+2014-07-18T20:00+08:00,20.3,110.3,,910,120,second
+"""
+
+
+def written(folder: Path, text: str, name: str = "track.txt") -> Path:
+    (folder / name).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+def test_hurdat2(tmp_path: Path) -> None:
+    path = written(tmp_path, HURDAT2)
+    track = read_track(path, storm="Harvey")
+    assert (track.name, track.averaging_s, track.agency) == ("HARVEY", 60.0, "usa")
+    np.testing.assert_allclose(track.lon, [-96.3, -96.8, -96.9])
+    np.testing.assert_allclose(track.vmax_mps, np.array([105, 115, 115]) * 0.514444)
+    assert track.time[2] == np.datetime64("2017-08-26T03:00")
+    # 1026.3401 - 0.05504 * 27.8 + 0.03536 * 96.8 - 0.7357 * 115, in knots
+    assert track.pressure_hpa[1] == pytest.approx(943.62733)
+    assert track.filled == {
+        "penv_hpa": "3 of 3: 1010 hPa, basin NA",
+        "pressure_hpa": "1 of 3: regression on the wind",
+        "rmw_km": "3 of 3: regression ibtracs",
+    }
+    irma = read_track(path, storm="AL112017")
+    np.testing.assert_allclose(irma.rmw_km, 15 * 1.852)
+    with pytest.raises(UsageError, match="2 storms: AL092017, AL112017; allowed: one"):
+        read_track(path)
+    with pytest.raises(UsageError, match=r"storm 'Maria' is not in track\.txt"):
+        read_track(path, storm="Maria")
+
+
+def test_cma_text(tmp_path: Path) -> None:
+    path = written(tmp_path, CMA)
+    track = read_track(path, storm="1409")
+    assert (track.name, track.averaging_s, track.agency) == ("Rammasun", 120.0, "cma")
+    np.testing.assert_allclose(track.lat, [19.1, 19.9, 20.3])
+    np.testing.assert_allclose(track.vmax_mps[:2], [65.0, 72.0])
+    # 1216.5223 - 0.04086 * 20.3 - 0.04190 * 110.3 - 1.1797 * 910, one-minute knots, times 0.871
+    assert track.vmax_mps[2] == pytest.approx(137.54422 * 0.514444 * 0.871, rel=1e-6)
+    assert track.penv_hpa[0] == 1005.0
+    nameless = read_track(path, storm="1410")
+    np.testing.assert_allclose(nameless.lon, [179.7, -179.7])
+    np.testing.assert_allclose(nameless.vmax_mps, [13.0, 9.0])
+
+
+def test_ibtracs_agencies_have_their_averaging_times(tmp_path: Path) -> None:
+    path = written(tmp_path, IBTRACS)
+    usa = read_track(path, storm="koinu")
+    assert (usa.averaging_s, usa.agency, len(usa.time)) == (60.0, "usa", 2)
+    np.testing.assert_allclose(usa.rmw_km, [27.78, 37.04])
+    np.testing.assert_allclose(usa.penv_hpa, [1004.0, 1003.0])
+    assert usa.filled == {}
+    cma = read_track(path, storm="KOINU 2023", agency="cma")
+    assert (cma.averaging_s, len(cma.time)) == (120.0, 3)
+    np.testing.assert_allclose(cma.lat, [21.8, 21.9, 22.0])
+    for agency in ("tokyo", "wmo"):
+        tokyo = read_track(path, storm="2023271N14144", agency=agency)
+        assert (tokyo.averaging_s, tokyo.agency) == (600.0, "tokyo")
+        np.testing.assert_allclose(tokyo.vmax_mps, np.array([85, 80]) * 0.514444)
+
+
+def test_ibtracs_wmo_where_usa_says_nothing(tmp_path: Path) -> None:
+    track = read_track(written(tmp_path, IBTRACS), storm="other")
+    assert (track.averaging_s, track.agency) == (600.0, "nadi")
+    np.testing.assert_allclose(track.lon, [179.9, -179.7])
+    assert track.penv_hpa[0] == 1004.0
+
+
+def test_ibtracs_refuses_what_it_cannot_know(tmp_path: Path) -> None:
+    path = written(tmp_path, IBTRACS)
+    with pytest.raises(UsageError, match="KOINU 2023 = 2023271N14144, OTHER 2023"):
+        read_track(path)
+    with pytest.raises(UsageError, match=r"allowed: those of track\.txt: usa, tokyo, cma, wmo"):
+        read_track(path, storm="koinu", agency="jma")
+    with pytest.raises(UsageError, match="allowed: KOINU 2023, OTHER 2023"):
+        read_track(path, storm="noname")
+    with pytest.raises(CaseError, match="found:   600"):
+        read_track(path, storm="koinu", averaging_s=600.0)
+    mixed = IBTRACS.replace("80,945,tokyo,main", "80,945,bom,main")
+    with pytest.raises(CaseError, match="bom, tokyo"):
+        read_track(written(tmp_path, mixed), storm="koinu", agency="wmo")
+    metric = IBTRACS.replace("degrees_east,kts,mb,mb,nmile", "degrees_east,m/s,mb,mb,nmile")
+    with pytest.raises(CaseError, match="row 2 USA_WIND"):
+        read_track(written(tmp_path, metric), storm="koinu")
+
+
+def test_plain_csv(tmp_path: Path) -> None:
+    track = read_track(written(tmp_path, PLAIN))
+    assert track.averaging_s == 120.0
+    assert track.time[1] == np.datetime64("2014-07-18T12:00")
+    assert track.vmax_mps[0] == pytest.approx(72.02216)
+    assert track.filled["vmax_mps"] == "1 of 2: regression on the pressure"
+
+
+def test_a_longitude_of_minus_99_is_a_place(tmp_path: Path) -> None:
+    text = "time,lat,lon,vmax_mps\n2020-01-01,28,-98,40\n2020-01-01T06:00,28,-99,-999\n"
+    track = read_track(written(tmp_path, text + "2020-01-01T12:00,28,-100,30\n"), averaging_s=60)
+    assert track.lon[1] == -99.0
+    assert track.filled["vmax_mps"] == "1 of 3: linear in time"
+    assert track.vmax_mps[1] == 35.0
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "peak", "deepest", "points"),
+    [
+        ("rammasun_2014_cma.csv", {"format": "cma"}, 72.0, 888.0, 40),
+        ("harvey_2017_hurdat2.csv", {"format": "hurdat2"}, 59.2, 937.0, 74),
+        ("koinu_2023_ibtracs.csv", {"averaging_s": 120.0}, 54.5, 930.0, 117),
+    ],
+)
+def test_shared_tracks(
+    file: str, options: dict[str, str], peak: float, deepest: float, points: int
+) -> None:
+    track = read_track(shared("data", "tracks", file), **options)  # type: ignore[arg-type]
+    assert len(track.time) == points
+    assert track.vmax_mps.max() == pytest.approx(peak, abs=0.05)
+    assert track.pressure_hpa.min() == deepest
+    assert track.filled["rmw_km"] == f"{points} of {points}: regression ibtracs"
+
+
+def test_shared_peaks_are_where_they_should_be() -> None:
+    folder = shared("data", "tracks")
+    rammasun = read_track(folder / "rammasun_2014_cma.csv", averaging_s=120)
+    at = int(rammasun.vmax_mps.argmax())
+    assert rammasun.time[at] == np.datetime64("2014-07-18T06:00")
+    assert (rammasun.lat[at], rammasun.lon[at]) == (19.9, 111.3)
+    harvey = read_track(folder / "harvey_2017_hurdat2.csv", averaging_s=60)
+    at = int(np.searchsorted(harvey.time, np.datetime64("2017-08-26T03:00")))
+    assert (harvey.lat[at], harvey.lon[at], harvey.pressure_hpa[at]) == (28.0, -96.9, 937.0)
+    koinu = read_track(folder / "koinu_2023_ibtracs.csv", averaging_s=120)
+    strong = koinu.time[koinu.vmax_mps == koinu.vmax_mps.max()]
+    assert strong[0] == np.datetime64("2023-10-04T12:00")
+    assert strong[-1] == np.datetime64("2023-10-04T18:00")

@@ -1,0 +1,83 @@
+"""Kinds of wind: factors by hand, round trips, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from resilience.errors import UsageError
+from resilience.fragility.wind import Wind
+
+
+def sea(speed_mps: float = 40.0) -> Wind:
+    return Wind(np.full((2, 3), speed_mps), np.full((2, 3), 90.0), 60.0, 10.0, "water")
+
+
+def test_by_hand() -> None:
+    """Over land 0.8 of 40 m/s, in gusts of 3 s 1.49 times that; at sea 1.11 times 40."""
+    land = sea().to(averaging_s=3, exposure="land")
+    np.testing.assert_allclose(land.speed_mps, 40 * 0.8 * 1.49)
+    assert land.kind == (3.0, 10.0, "land")
+    assert land.factors == ("Harper 2010, in-land: 1.49", "knaff2011: water to land")
+    np.testing.assert_allclose(sea().to(averaging_s=3).speed_mps, 44.4)
+    np.testing.assert_allclose(sea().to(averaging_s=600).speed_mps, 37.2)
+    ten = sea().to(averaging_s=600, exposure="land")
+    np.testing.assert_allclose(ten.speed_mps, 32 / 1.21)
+    # ln(20 / 0.05) / ln(10 / 0.05) = 1.1308 in open country
+    tall = sea().to(exposure="land", height_m=20)
+    np.testing.assert_allclose(tall.speed_mps, 32 * np.log(400) / np.log(200))
+
+
+def test_inland_decay() -> None:
+    found = sea().to(exposure="land", roughness="tchazards", inland_km=[0.0, 0.4])
+    np.testing.assert_allclose(found.speed_mps[:, 0], [40.0, 40 * (0.66 + 0.34 / np.e)])
+
+
+def test_there_and_back() -> None:
+    kinds = [("water", 60, 30), ("water", 600, 5), ("land", 3, 10), ("land", 0.2, 10)]
+    kinds += [("land", 600, 40), ("water", 3, 10)]
+    for exposure, averaging_s, height_m in kinds:
+        there = sea().to(averaging_s=averaging_s, height_m=height_m, exposure=exposure)
+        back = there.to(averaging_s=60, height_m=10, exposure="water")
+        np.testing.assert_allclose(back.speed_mps, 40.0)
+    assert sea().to().speed_mps is not None
+    assert sea().to().factors == ()
+
+
+def test_a_path_does_not_matter() -> None:
+    straight = sea().to(averaging_s=3, exposure="land").speed_mps
+    for first in ({"averaging_s": 3}, {"exposure": "land"}, {"averaging_s": 600}):
+        step = sea().to(**first)  # type: ignore[arg-type]
+        np.testing.assert_allclose(step.to(averaging_s=3, exposure="land").speed_mps, straight)
+
+
+@pytest.mark.parametrize("exposure", ["water", "land"])
+def test_longer_means_are_smaller(exposure: str) -> None:
+    speeds = [sea().to(averaging_s=s, exposure=exposure).speed_mps[0, 0] for s in (3, 60, 600)]
+    assert speeds == sorted(speeds, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ({"averaging_s": 120}, "60 s and 120 s over water; allowed: 3, 60, 600 s"),
+        ({"averaging_s": 0.2}, "0.2 s over water"),
+        ({"averaging_s": 3, "height_m": 20}, "heights of 10 m and 20 m for 3 s"),
+        ({"height_m": 500}, "allowed: 2 to 200 m"),
+        ({"exposure": "forest"}, "exposure 'forest'; allowed: water, land"),
+        ({"exposure": "land", "roughness": "none"}, "allowed: knaff2011, tchazards"),
+        ({"exposure": "land", "roughness": "tchazards"}, "without inland_km"),
+        ({"exposure": "land", "inland_km": [1, 2, 3]}, "inland_km of 3 points; allowed: 2"),
+        ({"exposure": "land", "inland_km": -1}, "inland_km -1"),
+    ],
+)
+def test_refusals(kind: dict[str, object], message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        sea().to(**kind)  # type: ignore[arg-type]
+    assert message in str(caught.value)
+
+
+def test_an_unlabelled_wind_is_not_converted() -> None:
+    odd = Wind(np.ones((1, 1)), np.zeros((1, 1)), 60.0, 10.0, "city")
+    with pytest.raises(UsageError, match="exposure 'city'"):
+        odd.to(averaging_s=3)
