@@ -9,22 +9,25 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from resilience.case.cloud import bare_profile
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document
+from resilience.case.fields import Table
 from resilience.case.outages import outage_texts, parse_outages
-from resilience.case.schema import DEVICES, Table
+from resilience.case.schema import DEVICES, PVTable
 from resilience.case.window import Window
 from resilience.errors import UsageError
 
 _HORIZON = ("start", "slots", "step_min")
-_HEAD = ("name", "description", "terminal_value_per_mwh")
+_TABLES = {"outage", "geography", "storm"}
+_HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
 
 
 def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     """Return a changed copy of a case; see `Case.replace`."""
     from resilience.case.load import build_case
 
-    known = {*_HORIZON, *_HEAD, *DEVICES, "profiles", "outages", "outage"}
+    known = {*_HORIZON, *_HEAD, *DEVICES, *_TABLES, "profiles", "outages"}
     for key in changes.keys() - known:
         hint = "it can replace " + ", ".join(sorted(known))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
@@ -34,8 +37,8 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     for kind in DEVICES.keys() & changes.keys():
         data[kind] = [plain(table) for table in changes[kind]]
         data.get("defaults", {}).pop(kind, None)
-    if "outage" in changes:
-        data["outage"] = plain(changes["outage"])
+    for key in changes.keys() & _TABLES:
+        data[key] = None if changes[key] is None else plain(changes[key])
     if "profiles" in changes:
         columns = {name: [float(v) for v in values] for name, values in changes["profiles"].items()}
         data["profiles"] = {"columns": columns}
@@ -49,7 +52,12 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
 
 
 def plain(table: Table) -> dict[str, Any]:
-    """Return a table as plain data with every value spelled out, except those that are absent."""
+    """Return a table as plain data with every value spelled out, except those that are absent.
+
+    A profile that the storm's cloud reduces is written as it is in a clear sky: the cloud follows.
+    """
+    if isinstance(table, PVTable):
+        table = table.model_copy(update={"profile": bare_profile(table.profile)})
     return table.model_dump(by_alias=True, exclude_none=True)
 
 

@@ -20,6 +20,7 @@ from resilience.case.schema import (
     OutageTable,
     PVTable,
 )
+from resilience.case.storm_tables import GeographyTable, StormTable
 from resilience.case.window import Window
 from resilience.errors import UsageError
 
@@ -40,7 +41,9 @@ class Case:
     Device tables are tuples in the order of the file; powers are in MW, energies in MWh, prices
     per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak, and a
     grid's tariff per MWh under its `tariff_profile`. `outages` are those to plan for, `outage` is
-    the process that others are drawn from. `source` is the merged case file as plain data.
+    the process that others are drawn from, unless there is a `storm`. `places` are the (x, y) of
+    buses in the network's source, and `geography` says how they are points on the earth. `source`
+    is the merged case file as plain data.
     """
 
     name: str
@@ -58,8 +61,12 @@ class Case:
     grid: tuple[GridTable, ...]
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
+    reserve_price_per_mwh: float | None
     source: dict[str, Any]
     outage: OutageTable = field(default_factory=OutageTable)
+    geography: GeographyTable | None = None
+    storm: StormTable | None = None
+    places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def step_h(self) -> float:
@@ -100,11 +107,15 @@ class Case:
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        plain = ("name", "description", *horizon, "outages", "outage", *DEVICES)
+        plain = ("name", "description", *horizon, "outages", "outage", "geography", *DEVICES)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)
             and self.terminal_value_per_mwh == other.terminal_value_per_mwh
+            and self.reserve_price_per_mwh == other.reserve_price_per_mwh
             and self.network.equals(other.network)
+            and repr(self.storm)
+            == repr(other.storm)  # it may hold nan, and no two of them are equal
+            and self.places == other.places
             and self.profiles.keys() == other.profiles.keys()
             and all(np.array_equal(v, other.profiles[k]) for k, v in self.profiles.items())
         )

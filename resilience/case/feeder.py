@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -45,7 +45,8 @@ class Injection:
 class Feeder:
     """A network as its source has it, with the devices the source knows.
 
-    Voltage limits are not taken from the source; the case sets them.
+    Voltage limits are not taken from the source; the case sets them. `places` holds the (x, y) of
+    buses, whatever the source means by them: degrees of longitude and latitude, or a drawing.
     """
 
     network: Network
@@ -53,6 +54,7 @@ class Feeder:
     static: tuple[Injection, ...] = ()
     generator: tuple[Injection, ...] = ()
     grid: tuple[Injection, ...] = ()
+    places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def make_network(
@@ -146,7 +148,12 @@ def _inline(table: NetworkTable) -> Feeder:
         )
         for line in table.line
     ]
-    return Feeder(make_network([(b.name, b.vn_kv) for b in table.bus], branches))
+    places = {
+        b.name: (b.lon_deg, b.lat_deg)
+        for b in table.bus
+        if b.lon_deg is not None and b.lat_deg is not None
+    }
+    return Feeder(make_network([(b.name, b.vn_kv) for b in table.bus], branches), places=places)
 
 
 def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTable]) -> Network:

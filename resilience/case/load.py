@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from resilience.case.checks import check_parts
+from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document, find_case, read_document
 from resilience.case.feeder import FeederError, finish_network, read_feeder
+from resilience.case.geography import check_geography
 from resilience.case.inline import read_inline
 from resilience.case.network import FloatArray, did_you_mean
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.parts import Parts
 from resilience.case.profiles import read_profiles
+from resilience.case.reserve import check_reserve
 from resilience.case.schema import (
     DEVICES,
     CaseTable,
@@ -26,6 +30,8 @@ from resilience.case.schema import (
     ProfilesTable,
     TimeTable,
 )
+from resilience.case.storm_checks import check_storm
+from resilience.case.storm_tables import GeographyTable, StormTable
 from resilience.case.tables import read_list, read_table, show, unknown_key
 from resilience.case.tariff import tariff_profiles
 from resilience.case.window import Window
@@ -49,18 +55,24 @@ def build_case(document: Document) -> Case:
     parts = Parts(document, window=_read_window(document))
     entries = read_list(LineTable, "line", document.data.get("line", []), document, ("line",))
     parts.lines = [(table, title) for table, title, _ in entries]
+    _read_weather(parts)
     _read_network(parts)
     for kind, model in DEVICES.items():
         tables = read_list(model, kind, document.data.get(kind, []), document, (kind,))
         parts.devices[kind] = [(table, title) for table, title, _ in tables]
     outage = _read_outage(document)
     check_parts(parts)
+    check_geography(parts)
+    check_storm(parts)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
+    if not document.problems:
+        check_reserve(parts, head)
     if document.problems or parts.network is None or parts.window is None:
         raise CaseError(document.problems)
     path, window = document.path, parts.window
     devices: dict[str, Any] = {k: tuple(d for d, _ in v) for k, v in parts.devices.items()}
+    devices["pv"], reduced = under_cloud(devices["pv"], profiles, parts)
     return Case(
         name=head.name or (path.stem if path else "case"),
         description=head.description,
@@ -69,10 +81,14 @@ def build_case(document: Document) -> Case:
         start=window.start,
         slots=window.slots,
         step_min=window.step_min,
-        profiles=profiles | tariff_profiles(devices["grid"], profiles, window),
+        profiles=profiles | reduced | tariff_profiles(devices["grid"], profiles, window),
         outages=outages,
         outage=outage,
+        geography=parts.geography,
+        storm=parts.storm,
+        places=parts.places,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
+        reserve_price_per_mwh=head.reserve_price_per_mwh,
         source=document.data,
         **devices,
     )
@@ -96,6 +112,18 @@ def _read_outage(document: Document) -> OutageTable:
         where, hint = ("outage", "duration_slots"), "swap the two numbers"
         document.add(where, "[outage]", "duration_slots", found, allowed, hint)
     return table
+
+
+def _read_weather(parts: Parts) -> None:
+    """Read `[geography]` and `[storm]`, where there are any; an unsound one stands as it is."""
+    data, document = parts.document.data, parts.document
+    if data.get("geography") is not None:
+        where = ("geography",)
+        parts.geography = read_table(
+            GeographyTable, data["geography"], document, "[geography]", where
+        )[0]
+    if data.get("storm") is not None:
+        parts.storm = read_table(StormTable, data["storm"], document, "[storm]", ("storm",))[0]
 
 
 def _required(document: Document, key: str, hint: str) -> dict[str, Any] | None:
@@ -140,13 +168,18 @@ def _read_network(parts: Parts) -> None:
     }
     table = table.model_copy(update=inline)
     try:
-        network = read_feeder(table).network
+        feeder = read_feeder(table)
     except FeederError as error:
         key, *rest = error.args
         document.add((*where, key), "[network]", key, *rest)
     else:
+        network = feeder.network
         lines = [line for line, _ in parts.lines if line.name and network.has_line(line.name)]
         parts.network = finish_network(network, table, lines)
+        if parts.storm is not None and parts.storm.lines == "all":
+            usable = network.in_service | parts.network.switchable
+            parts.network = replace(parts.network, breakpoint=usable)
+        parts.places = feeder.places
 
 
 def _read_profiles(parts: Parts) -> dict[str, FloatArray]:

@@ -167,7 +167,21 @@ def _feeder(tables: Tables, key: str, source: str) -> Feeder:
     aliases = _fuse(tables, names)
     buses = [(name, vn) for name, vn in vn_kv.items() if name not in aliases]
     branches = [b for b in _branches(tables, names, vn_kv) if not _loop(b, aliases)]
-    return Feeder(make_network(buses, branches, aliases), **_devices(tables, names, aliases))
+    network = make_network(buses, branches, aliases)
+    return Feeder(network, **_devices(tables, names, aliases), places=_places(rows, names))
+
+
+def _places(rows: list[Row], names: dict[int, str]) -> dict[str, tuple[float, float]]:
+    """Return `{bus: (x, y)}` of the buses whose `geo` is a point."""
+    found = {}
+    for row in rows:
+        try:
+            x, y = map(float, json.loads(row["geo"])["coordinates"][:2])
+        except (KeyError, TypeError, ValueError):
+            continue
+        if math.isfinite(x) and math.isfinite(y):
+            found[names[int(row["index"])]] = (x, y)
+    return found
 
 
 def _fuse(tables: Tables, names: dict[int, str]) -> dict[str, str]:

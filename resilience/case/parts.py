@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,7 @@ from resilience.case.document import Document
 from resilience.case.inline import Inline
 from resilience.case.network import Network
 from resilience.case.schema import LineTable
+from resilience.case.storm_tables import GeographyTable, StormTable
 from resilience.case.window import Window
 
 
@@ -25,6 +26,9 @@ class Parts:
     network: Network | None = None
     inline: Inline = field(default_factory=Inline)
     lines: list[tuple[LineTable, str]] = field(default_factory=list)
+    places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    geography: GeographyTable | None = None
+    storm: StormTable | None = None
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)
 
     def all_devices(self) -> Iterator[tuple[str, Any, str]]:

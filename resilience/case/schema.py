@@ -9,25 +9,18 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
-
-def _text(value: Any) -> Any:
-    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
-
-
-Name = Annotated[str, BeforeValidator(_text), Field(min_length=1)]
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Loose = Annotated[float, Field(allow_inf_nan=True)]
-Efficiency = Annotated[float, Field(gt=0, le=1)]
-
-
-class Table(BaseModel):
-    """Base of all tables: immutable, strict about types, and without unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+from resilience.case.fields import (
+    Efficiency,
+    Loose,
+    Name,
+    NonNegative,
+    Positive,
+    Share,
+    Table,
+)
+from resilience.case.storm_tables import GeographyTable, StormTable
 
 
 class BusTable(Table):
@@ -41,6 +34,8 @@ class BusTable(Table):
     v_max_pu: Positive | None = Field(
         None, description="upper voltage limit, pu; else the network's"
     )
+    lat_deg: float | None = Field(None, ge=-90, le=90, description="latitude, degrees north")
+    lon_deg: float | None = Field(None, ge=-180, le=180, description="longitude, degrees east")
 
 
 class BranchTable(Table):
@@ -115,6 +110,11 @@ class LoadTable(DeviceTable):
     power_factor: Efficiency = Field(1.0, description="cos phi, lagging, constant")
     shed_cost_per_mwh: NonNegative = Field(description="price of unserved energy, per MWh")
     priority: Positive = Field(1.0, description="multiplies the shed price")
+    critical: bool = Field(
+        False,
+        description="true: reports tell its service apart; where no load is marked, those of a "
+        "priority above 1 count",
+    )
     block: bool = Field(False, description="true: served whole or not at all")
 
 
@@ -176,6 +176,14 @@ class GeneratorTable(DeviceTable):
     q_min_mvar: float = Field(0.0, description="least reactive output, Mvar")
     q_max_mvar: float = Field(0.0, description="greatest reactive output, Mvar")
     grid_forming: bool = Field(True, description="true: can carry an island alone")
+
+    @property
+    def marginal_cost_per_mwh(self) -> float:
+        """Cost of one more MWh: that of the steepest piece where there is a curve."""
+        if self.cost_curve is None:
+            return self.cost_per_mwh
+        points = zip(self.cost_curve, self.cost_curve[1:], strict=False)
+        return max((y2 - y1) / (x2 - x1) for (x1, y1), (x2, y2) in points)
 
 
 class GridTable(DeviceTable):
@@ -294,6 +302,11 @@ class HeadTable(Table):
     description: str = Field("", description="what it is, for people")
     extends: str | None = Field(None, description="name or path of a case that this one varies")
     terminal_value_per_mwh: float = Field(0.0, description="credit for energy stored at the end")
+    reserve_price_per_mwh: float | None = Field(
+        None,
+        description="price of being short of the storm reserve of `mpc`, per MWh, between the "
+        "dearest generator and the cheapest shedding; default: their mean",
+    )
     outages: tuple[str, ...] = Field((), strict=False, description='"6-26@14:00-17:30", ...')
 
 
@@ -305,6 +318,8 @@ class CaseTable(HeadTable):
     time: TimeTable
     profiles: ProfilesTable = Field(default_factory=ProfilesTable)
     outage: OutageTable = Field(default_factory=OutageTable)
+    geography: GeographyTable | None = None
+    storm: StormTable | None = None
     defaults: DefaultsTable = Field(default_factory=DefaultsTable)
     load: tuple[LoadTable, ...] = Field((), strict=False)
     pv: tuple[PVTable, ...] = Field((), strict=False)

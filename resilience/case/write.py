@@ -7,6 +7,7 @@ import textwrap
 from typing import Any
 
 from resilience.case.change import plain
+from resilience.case.cloud import is_reduced
 from resilience.case.data import Case
 from resilience.case.network import FloatArray
 from resilience.case.outages import outage_texts
@@ -33,8 +34,14 @@ def case_text(case: Case) -> str:
     }
     for kind in DEVICES:
         data[kind] = [plain(device) for device in getattr(case, kind)]
+    for key in ("geography", "storm"):
+        if getattr(case, key) is not None:
+            data[key] = plain(getattr(case, key))
+    if case.reserve_price_per_mwh is not None:
+        data["reserve_price_per_mwh"] = case.reserve_price_per_mwh
     text = tomli_w.dumps({key: value for key, value in data.items() if value != []})
     made = {grid.tariff_profile for grid in case.grid}
+    made |= {name for name in case.profiles if is_reduced(name)}
     columns = [_column(name, v) for name, v in case.profiles.items() if name not in made]
     return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text
 

@@ -1,0 +1,88 @@
+r"""`[storm.cloud]`: what the cloud of a storm leaves of the output of PV plants.
+
+$$ k(t) = f + (1 - f) \min(d(t) / R, 1) $$
+
+with the distance $d$ from the storm's centre to the middle of the feeder, in the middle of a slot,
+the centre going straight from point to point; $k = 1$ before the first point and after the last.
+A shape of our own, for want of a source: the case states $f$ and $R$, and without the table nothing
+is reduced. Profiles stay; plants follow products of them, named after them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from resilience.case.network import FloatArray
+from resilience.case.parts import Parts
+from resilience.case.schema import PVTable
+from resilience.case.storm_tables import StormTable
+from resilience.case.window import Window
+
+EARTH_KM = 6371.0
+_SUFFIX = " under the storm's cloud"
+_CONSTANT = "peak"  # what a plant without a profile follows
+
+
+def under_cloud(
+    plants: Iterable[PVTable], profiles: Mapping[str, FloatArray], parts: Parts
+) -> tuple[tuple[PVTable, ...], dict[str, FloatArray]]:
+    """Return plants that follow reduced profiles, and these; plants as they are without a cloud."""
+    plants, storm, window = tuple(plants), parts.storm, parts.window
+    if storm is None or storm.cloud is None or not storm.points or window is None:
+        return plants, {}
+    left = cloud_factor(storm, window, *_middle(parts))
+    found, made = [], {}
+    for plant in plants:
+        name = (plant.profile or _CONSTANT) + _SUFFIX
+        made[name] = left if plant.profile is None else profiles[plant.profile] * left
+        made[name].setflags(write=False)
+        found.append(plant.model_copy(update={"profile": name}))
+    return tuple(found), made
+
+
+def is_reduced(profile: str | None) -> bool:
+    """Say whether a profile is one that `under_cloud` made."""
+    return profile is not None and profile.endswith(_SUFFIX)
+
+
+def bare_profile(profile: str | None) -> str | None:
+    """Return the profile that a plant follows in a clear sky."""
+    if profile is None or not is_reduced(profile):
+        return profile
+    name = profile.removesuffix(_SUFFIX)
+    return None if name == _CONSTANT else name
+
+
+def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: float) -> FloatArray:
+    """Return the share of PV output that is left in every slot, (slots,), at a place."""
+    assert storm.cloud is not None
+    first = storm.on_horizon(storm.points[0][0])
+    x = [(storm.on_horizon(p[0]) - first).total_seconds() for p in storm.points]
+    start = (window.start - first).total_seconds()
+    middle = start + 60.0 * window.step_min * (np.arange(window.slots) + 0.5)
+    lat = np.interp(middle, x, [p[1] for p in storm.points])
+    lon = np.interp(middle, x, np.unwrap([p[2] for p in storm.points], period=360.0))
+    share = np.minimum(_distance_km(lat, lon, lat_deg, lon_deg) / storm.cloud.radius_km, 1.0)
+    left = storm.cloud.factor + (1.0 - storm.cloud.factor) * share
+    found: FloatArray = np.where((middle >= x[0]) & (middle <= x[-1]), left, 1.0)
+    return found
+
+
+def _middle(parts: Parts) -> tuple[float, float]:
+    """Return latitude and longitude of the feeder: its anchor, or the middle of its buses."""
+    table = parts.geography
+    if table is not None and table.anchor_lat_deg is not None and table.anchor_lon_deg is not None:
+        return table.anchor_lat_deg, table.anchor_lon_deg
+    lon, lat = np.array(list(parts.places.values())).T
+    return float(lat.mean()), float(np.unwrap(lon, period=360.0).mean())
+
+
+def _distance_km(lat: FloatArray, lon: FloatArray, to_lat: float, to_lon: float) -> FloatArray:
+    """Return great-circle distances, (n,), by the haversine formula."""
+    one, two = np.radians(lat), math.radians(to_lat)
+    across = np.cos(one) * math.cos(two) * np.sin(np.radians(lon - to_lon) / 2.0) ** 2
+    found: FloatArray = 2.0 * EARTH_KM * np.arcsin(np.sqrt(np.sin((one - two) / 2.0) ** 2 + across))
+    return found

@@ -1,0 +1,96 @@
+"""Whether a case says where its buses are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from resilience.case.network import Network
+from resilience.case.parts import Parts
+from resilience.case.storm_tables import GeographyTable
+from resilience.case.tables import show
+
+Finding = tuple[str, str, str, str]
+"""`(key, value, allowed, hint)`."""
+
+_TABLE = "[geography]"
+_GIVE = (
+    "give lat_deg and lon_deg to every [[network.bus]], or set degrees or synthetic in [geography]"
+)
+
+
+def check_geography(parts: Parts) -> None:
+    """Note what is wrong with the places of the buses; they are needed where there is a storm."""
+    for bus in parts.inline.buses.values():
+        for key, other in (("lat_deg", "lon_deg"), ("lon_deg", "lat_deg")):
+            if getattr(bus, key) is None and getattr(bus, other) is not None:
+                title, hint = f"[[network.bus]] {bus.name}", f"add {key} = ..., or drop {other}"
+                parts.document.add(("network", "bus"), title, key, "nothing", "a value", hint)
+    if parts.network is None or (parts.geography is None and parts.storm is None):
+        return
+    table, inline = parts.geography or GeographyTable(), bool(parts.inline.bus_names)
+    found = findings(table, parts.network, parts.places, inline=inline, grid_bus=_grid_bus(parts))
+    for key, *rest in found:
+        parts.document.add(("geography", key), _TABLE, key, *rest)
+
+
+def findings(
+    table: GeographyTable,
+    network: Network,
+    places: Mapping[str, tuple[float, float]],
+    *,
+    inline: bool,
+    grid_bus: str | None,
+) -> Iterator[Finding]:
+    """Yield what is wrong with a geography, one finding for all buses that lack the same.
+
+    Args:
+        table: the case's.
+        network: the network.
+        places: what its source has for its buses.
+        inline: the network is inline, its places are degrees.
+        grid_bus: bus of the first grid connection.
+    """
+    if table.synthetic and (table.degrees or inline):
+        found = "true, and degrees too" if table.degrees else "true, and inline buses"
+        hint = "a synthetic geography needs the drawing in a network file; drop the other"
+        yield "synthetic", found, "one of the two", hint
+        return
+    if table.synthetic:
+        yield from _anchor(table, network, grid_bus)
+    known = places if table.synthetic or table.degrees or inline else {}
+    missing = [name for name in network.bus_names if name not in known]
+    if missing:
+        what = "a place in the network file's drawing" if table.synthetic else "coordinates"
+        found = f"{len(missing)} of {len(network.bus_names)} buses without {what}: "
+        yield "", found + _list(missing), f"{what} for every bus", _GIVE
+    if not table.synthetic:
+        far = [n for n in network.bus_names if n in known and not _degrees(*known[n])]
+        if far:
+            found = f"{len(far)} buses beyond 180 degrees of longitude or 90 of latitude: "
+            hint = "a drawing is no map: set synthetic = true and an anchor"
+            yield "degrees", found + _list(far), "degrees of longitude and latitude", hint
+
+
+def _anchor(table: GeographyTable, network: Network, grid_bus: str | None) -> Iterator[Finding]:
+    for key in ("anchor_lat_deg", "anchor_lon_deg"):
+        if getattr(table, key) is None:
+            hint = "a synthetic geography is laid out from a point that the case names"
+            yield key, "nothing", "a value", hint
+    bus = table.anchor_bus or grid_bus
+    if bus is None:
+        yield "anchor_bus", "nothing, and no [[grid]]", "a bus of the network", "name the bus"
+    elif table.anchor_bus and not network.has_bus(table.anchor_bus):
+        hint = network.bus_hint(table.anchor_bus)
+        yield "anchor_bus", show(table.anchor_bus), "a bus of the network", hint
+
+
+def _grid_bus(parts: Parts) -> str | None:
+    return next((grid.bus for grid, _ in parts.devices.get("grid", []) if grid.bus), None)
+
+
+def _degrees(lon: float, lat: float) -> bool:
+    return -180.0 <= lon <= 180.0 and -90.0 <= lat <= 90.0
+
+
+def _list(names: list[str], most: int = 40) -> str:
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")

@@ -1,0 +1,161 @@
+"""`[geography]` and `[storm]`: every mistake is found, all at once, with how to mend it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conftest import VALID
+
+import resilience as rs
+from resilience.case import case_text, load_case
+from resilience.case.geography import findings
+from resilience.case.storm_tables import GeographyTable, StormTable
+from resilience.errors import CaseError, Problem
+from resilience.fragility.chain import case_track, storm
+
+PLACES = {"1": (22.00, 120.70), "2": (22.01, 120.71), "3": (22.02, 120.72), "4": (22.03, 120.73)}
+STORM = """
+[storm]
+name = "Test"
+averaging_s = 600
+utc_offset_h = 8
+day = 2023-10-05
+laid_on = 2016-07-12
+points = [
+    [2023-10-04T20:00:00, 22.0, 122.0, 930, 54],
+    [2023-10-05T02:00:00, 21.9, 121.3, 930, 54],
+    [2023-10-05T08:00:00, 21.9, 120.9, 945, 47],
+]
+"""
+
+
+def placed(text: str) -> str:
+    for name, (lat, lon) in PLACES.items():
+        head = f'[[network.bus]]\nname = "{name}"\n'
+        text = text.replace(head, f"{head}lat_deg = {lat}\nlon_deg = {lon}\n", 1)
+    return text
+
+
+def problems(text: str, folder: Path) -> tuple[Problem, ...]:
+    path = folder / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(CaseError) as caught:
+        load_case(path)
+    return caught.value.problems
+
+
+def test_a_case_with_places_and_a_storm_loads_and_is_written_alike(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(placed(VALID) + STORM, encoding="utf-8")
+    case = load_case(path)
+    assert case.storm is not None
+    assert case.places["3"] == (120.72, 22.02)
+    again = tmp_path / "again.toml"
+    again.write_text(case_text(case), encoding="utf-8")
+    assert load_case(again).equals(case)
+    assert not case.replace(storm=None).equals(case)
+
+
+def test_every_line_in_service_may_fail_unless_the_case_says_otherwise(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(placed(VALID) + STORM, encoding="utf-8")
+    case = load_case(path)
+    assert case.network.breakpoint.tolist() == [True, True, True, True]  # 4-1 is switchable
+    text = placed(VALID) + STORM.replace("[storm]", '[storm]\nlines = "breakpoints"')
+    path.write_text(text, encoding="utf-8")
+    assert load_case(path).network.breakpoint.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "value", "hint"),
+    [
+        ("averaging_s = 600\n", "", "averaging_s", "nothing", "CMA over 120"),
+        ("averaging_s = 600", "averaging_s = 10", "averaging_s", "10", "seconds, not minutes"),
+        ("21.9, 121.3", "21.9, 421.3", "points[2][3]", "longitude 421.3", "west is negative"),
+        ("21.9, 121.3", "121.3, 21.9", "points[2][2]", "latitude 121.3", "after the time"),
+        ("122.0, 930", "122.0, 93000", "points[1][4]", "93000", "hPa"),
+        ("10-05T02", "10-05T09", "points[3][1]", "2023-10-05T08:00:00 after", "sort"),
+        ("930, 54]", "930, 154]", "points[1][5]", "vmax_mps 154", "knots"),
+        ("2023-10-04T20:00:00", "2023-10-04T20:00:00Z", "points[1][1]", "2023", "utc_offset_h"),
+        ("945, 47", "nan, nan", "points[3]", "neither", "regressed"),
+        ("laid_on = 2016-07-12\n", "", "laid_on", "nothing", "stands on"),
+        ("laid_on = 2016-07-12", "laid_on = 2016-07-15", "points", "2016-07-14", "whole days"),
+        ('name = "Test"', "correlation = 1.5", "correlation", "1.5", ""),
+        ('name = "Test"', "hardenning = 2", "hardenning", "an unknown key", "hardening"),
+    ],
+)  # fmt: skip
+def test_one_mistake_in_a_storm(
+    old: str, new: str, key: str, value: str, hint: str, tmp_path: Path
+) -> None:
+    assert old in STORM
+    (found,) = problems(placed(VALID) + STORM.replace(old, new, 1), tmp_path)
+    assert (found.table, found.key) == ("[storm]", key)
+    assert value in found.value
+    assert hint in found.hint
+
+
+def test_knots_for_metres_per_second_are_found_by_the_pressure(tmp_path: Path) -> None:
+    knots = STORM.replace(", 54]", ", 105]").replace(", 47]", ", 91]")
+    (found,) = problems(placed(VALID) + knots, tmp_path)
+    assert "knots" in found.hint
+    assert found.key == "points"
+
+
+def test_all_mistakes_come_in_one_list(tmp_path: Path) -> None:
+    text = (
+        placed(VALID).replace("lat_deg = 22.01\n", "").replace("lon_deg = 120.73", "lon_deg = 540")
+    )
+    bad = STORM.replace("averaging_s = 600\n", "").replace("10-05T02", "10-05T09")
+    found = problems(text + bad, tmp_path)
+    said = {(one.table, one.key) for one in found}
+    assert said == {
+        ("[[network.bus]] 4", "lon_deg"),
+        ("[[network.bus]] 2", "lat_deg"),
+        ("[geography]", ""),
+        ("[storm]", "averaging_s"),
+        ("[storm]", "points[3][1]"),
+    }
+    missing = next(one for one in found if one.table == "[geography]")
+    assert missing.value == "1 of 3 buses without coordinates: 2"  # of those that can be read
+
+
+def test_a_synthetic_geography_needs_an_anchor_and_a_drawing() -> None:
+    case = rs.load_case("ieee33")
+    with pytest.raises(CaseError) as caught:
+        case.replace(geography=GeographyTable(synthetic=True, anchor_bus="34"))
+    assert {one.key for one in caught.value.problems} == {
+        "anchor_lat_deg",
+        "anchor_lon_deg",
+        "anchor_bus",
+    }
+    with pytest.raises(CaseError, match="33 of 33 buses without coordinates: 1, 2, 3"):
+        case.replace(geography=GeographyTable())
+    with pytest.raises(CaseError, match="one of the two"):
+        case.replace(geography=GeographyTable(synthetic=True, degrees=True))
+
+
+def test_a_drawing_is_no_map() -> None:
+    case = rs.load_case("ieee33")
+    places = dict.fromkeys(case.network.bus_names, (500.0, 22.0))
+    asked = GeographyTable(degrees=True)
+    (found,) = findings(asked, case.network, places, inline=False, grid_bus="1")
+    assert found[0] == "degrees"
+    assert "33 buses beyond 180 degrees" in found[1]
+
+
+def test_a_name_that_no_curve_has_is_refused() -> None:
+    case = rs.load_case("ieee33_koinu")
+    assert isinstance(case.storm, StormTable)
+    with pytest.raises(rs.UsageError, match="did you mean pole"):
+        storm(case.replace(storm=case.storm.model_copy(update={"pole": "polle"})))
+    with pytest.raises(rs.UsageError, match="holland2008"):
+        storm(case.replace(storm=case.storm.model_copy(update={"wind": "holland1900"})))
+
+
+def test_a_storm_of_another_day_misses_the_horizon() -> None:
+    case = rs.load_case("ieee33_koinu")
+    assert case.storm is not None
+    moved = case.storm.model_copy(update={"day": None, "laid_on": None, "points": ()})
+    with pytest.raises(rs.UsageError, match="misses the horizon"):
+        storm(case.replace(storm=moved), case_track(case))
