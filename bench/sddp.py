@@ -1,0 +1,41 @@
+"""Stochastic dual dynamic programming: one storm centre from scratch, and decisions with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from bench.row import Row, below, timed
+from resilience.case import load_case
+from resilience.dispatch.base import World, simulate
+from resilience.dispatch.evaluate import held_out
+from resilience.dispatch.sddp.book import Book
+from resilience.dispatch.sddp.policy import PATHS, Sddp
+from resilience.dispatch.sddp.training import simulated
+from resilience.fragility.bell import Bell
+from resilience.fragility.outages import sample_bell
+from resilience.models.microgrid import microgrid
+
+CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200
+BUILD_S = 10.0
+
+
+def training() -> Iterator[Row]:
+    case = held_out(load_case(CASE), 1)
+    bell = Bell(centres=(CENTRE,))
+    world = World.of(microgrid(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
+    book = Book(case, bell, cache=False)
+    _, end = book.ends(world.end_value_per_mwh)
+    seconds, found = timed(book.cut_set, CENTRE, end)
+    begin = book.start, book.climate.levels.mean(axis=0)
+    bound = found.trained.root.value(*begin)
+    rng = np.random.default_rng(0)
+    costs = simulated(found.problem, found.trained, begin, SIMULATED, rng)
+    error = costs.std() / np.sqrt(SIMULATED)
+    note = f"bound {bound:.2f} $, {SIMULATED} simulated days {costs.mean():.2f} ± {error:.2f} $"
+    yield below(f"sddp, one storm centre of {CASE}", seconds, BUILD_S, "s", note)
+    for paths, name in ((0, "cuts alone"), (PATHS, f"{PATHS} paths and cuts")):
+        run = simulate(world, Sddp(world, book, paths=paths))
+        each = 1e3 * run.seconds / run.cost.size
+        yield Row(f"sddp, a decision, {name}", f"{each:.3g} ms", "", None, f"{DRAWS} at a time")

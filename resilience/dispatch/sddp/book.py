@@ -1,0 +1,154 @@
+"""The cut sets of a case: one per bin of storm centres, trained when it is first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from resilience.case import Case
+from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
+from resilience.dispatch.sddp.chain import Bools, Chain, storm_chain
+from resilience.dispatch.sddp.days import learnt, past_days, slot_of_day, slots_of_day
+from resilience.dispatch.sddp.model import Cuts, Multistage
+from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
+from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
+from resilience.dispatch.value import stored_energy_value
+from resilience.errors import UsageError
+from resilience.fragility.bell import Bell, case_bell
+from resilience.models.algebra import Floats
+
+MOST_LINES = 6  # that can fail: modes are their subsets, 64 then
+BIN = 8  # slots of 15 minutes: centres that one cut set serves, where the case names none
+OUTCOMES = 2  # of the noise in every slot
+SETTINGS = Settings(iterations=14, paths=2, tidy=7)
+
+
+@dataclass(frozen=True)
+class CutSet:
+    """Future costs for one bin of storm centres, and the modes that they belong to."""
+
+    centres: tuple[int, ...]
+    chain: Chain
+    problem: Multistage
+    trained: Trained
+
+    def cuts(self, t: int, down: Bools) -> Cuts:
+        """The future cost behind slot t of the day while these lines are down, (lines,)."""
+        return self.trained.cuts[t][self.chain.mode(t, down)]
+
+
+class Book:
+    """Cut sets of a case, made on demand and kept on disk.
+
+    Args:
+        case: the case; test days are left out of what load and PV are learnt from.
+        bell: the outage process that the cuts are for; the case's own if omitted.
+        outcomes: of the noise in every slot.
+        settings: of the training.
+        cache: folder of the files; True: the user's, see `cache_folder`; False: none is kept.
+
+    Raises:
+        UsageError: more than six lines can fail, or there is no storage.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        bell: Bell | None = None,
+        *,
+        outcomes: int = OUTCOMES,
+        settings: Settings = SETTINGS,
+        cache: Path | bool = True,
+    ) -> None:
+        self.case, self.bell, self.settings = case, bell or case_bell(case), settings
+        self.folder = cache_folder() if cache is True else (cache or None)
+        marked = zip(case.network.line_names, case.network.breakpoint, strict=True)
+        self.lines = tuple(name for name, breaks in marked if breaks)
+        _refuse(case, self.lines)
+        self.per_day = slots_of_day(case)
+        self.fleet = Fleet.of(case)
+        self.climate = learnt(past_days(case), outcomes)
+        _, offset = slot_of_day(case, 0)
+        self.prices = price_profiles(case, self.climate.names, self.per_day, offset)
+        self.start: Floats = self.fleet.grid.start()["ess.energy"]
+        self._known: dict[tuple[object, ...], CutSet] = {}
+
+    def centres(self, centre: int) -> tuple[int, ...]:
+        """Centres that are possible when `centre` is forecast, -1 for no forecast: one bin's."""
+        usual, error = self.bell.centre_slots(), self.bell.centre_error_slots
+        if centre < 0:
+            return tuple(usual.tolist())
+        if error == 0 and centre in self.bell.centres:
+            return (centre,)
+        low = centre // BIN * BIN
+        near = usual[(usual >= low - error) & (usual < low + BIN + error)]
+        return tuple(near.tolist()) or tuple(range(low, low + BIN))
+
+    def ends(self, end_value_per_mwh: float) -> tuple[Floats, Floats]:
+        """(merged units,) $ per MWh stored at a midnight within the horizon, and at its end.
+
+        From prices alone, see `stored_energy_value`; the mean over midnights.
+        """
+        worth = stored_energy_value(self.case, end_value_per_mwh)
+        each = worth[[int(np.argmax(self.fleet.member == k)) for k in range(self.fleet.n)]]
+        _, first = slot_of_day(self.case, 0)
+        at = np.arange(self.per_day - first, self.case.slots, self.per_day)
+        return each[:, at if len(at) else [-1]].mean(axis=1), each[:, -1]
+
+    def cut_set(self, centre: int, terminal: Floats, stop: int | None = None) -> CutSet:
+        """The cuts of a day.
+
+        Args:
+            centre: slot of 15 minutes at which the hazard is forecast to peak; -1: unknown.
+            terminal: (merged units,) $ per MWh stored at the end.
+            stop: number of slots; a whole day if omitted.
+        """
+        centres, stop = self.centres(centre), stop or self.per_day
+        terminal = np.round(terminal, 6)
+        key = (centres, tuple(terminal.tolist()), stop)
+        if key not in self._known:
+            chain = storm_chain(self.bell, len(self.lines), np.array(centres), self.per_day)
+            problem = day_problem(
+                self.fleet, self.lines, chain, self.climate, self.prices, terminal, stop
+            )
+            self._known[key] = CutSet(centres, chain, problem, self._trained(problem))
+        return self._known[key]
+
+    @property
+    def probes(self) -> Sequence[Begin]:
+        """The case's own start, on every day that was learnt from."""
+        return [(self.start, levels) for levels in self.climate.levels]
+
+    def _trained(self, problem: Multistage) -> Trained:
+        if self.folder is None:
+            return train(problem, self._begin, self.probes, self.settings)
+        facts = [*self.fleet.band, self.start, self.climate.levels]
+        key = digest(problem, facts, self.settings)
+        path = self.folder / f"{key[:32]}.npz"
+        found = load(path, key)
+        if found is None:
+            found = train(problem, self._begin, self.probes, self.settings)
+            save(path, key, found)
+        return found
+
+    def _begin(self, rng: np.random.Generator, last: Floats | None) -> Begin:
+        """A day that was learnt from; energy anywhere in the band, or as the last path ended."""
+        levels = self.climate.levels[rng.integers(len(self.climate.levels))]
+        drawn, carried = rng.uniform(*self.fleet.band), rng.random() < 0.5
+        return (last if carried and last is not None else drawn), levels
+
+
+def _refuse(case: Case, lines: Sequence[str]) -> None:
+    if len(lines) > MOST_LINES:
+        raise UsageError(
+            f"sddp: case {case.name!r} has {len(lines)} breakpoints; allowed: up to {MOST_LINES}",
+            hint="`stochastic` samples outages instead of listing their combinations",
+        )
+    if not case.ess:
+        raise UsageError(
+            f"sddp: case {case.name!r} has no storage; allowed: one unit or more",
+            hint="without storage nothing is carried into the future; use `idle`",
+        )

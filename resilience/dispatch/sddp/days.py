@@ -1,0 +1,171 @@
+r"""What a day may be like, learnt from days that nothing is tested on.
+
+A day is a mixture: its load is $\theta_1$ times the mean working day plus $\theta_2$ times the mean
+day off, its PV $\theta_3$ times the mean day's. These levels are fitted to the forecast of the day
+by non-negative least squares, in MW, and stay what they are until midnight. What a slot has beside
+that is noise: a few factors per slot, the means of equal groups of the training days in the order
+of their net load there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Floats, Ints
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+Bools = np.ndarray
+
+
+@dataclass(frozen=True)
+class Days:
+    """Days of the past by profile.
+
+    Attributes:
+        names: of the profiles that loads and PV follow.
+        size: (profiles,) MW that one per unit is: demand positive, PV negative.
+        values: (days, profiles, slots) per unit.
+        off: (days,) True on Saturdays and Sundays.
+    """
+
+    names: tuple[str, ...]
+    size: Floats
+    values: Floats
+    off: Bools
+
+
+def past_days(case: Case) -> Days:
+    """Days to learn from: those before the test days, or the case's own where it has no file.
+
+    Days are whole and begin at midnight; a case that is shorter than a day is one day of its own.
+    """
+    from resilience.dispatch.evaluate import TEST_SHARE
+
+    per_day = slots_of_day(case)
+    file = case.source.get("profiles", {}).get("file")
+    if file is not None:
+        from resilience.case.profiles import read_profile_file
+
+        times = read_profile_file(Path(file)).times
+        whole = len(times) // per_day
+        first = times[0].astype("datetime64[s]").item()
+        kept = max(whole - math.ceil(TEST_SHARE * whole), 1)
+        case = case.replace(start=first, slots=kept * per_day, outages=())
+    return _cut_into_days(case, per_day)
+
+
+def slots_of_day(case: Case) -> int:
+    """Slots from midnight to midnight."""
+    return max(round(24.0 / case.step_h), 1)
+
+
+def slot_of_day(case: Case, t: int) -> tuple[int, int]:
+    """The day of a slot, 0 for the one in which the horizon begins, and its place in that day."""
+    start = case.start.hour * 60 + case.start.minute
+    return divmod(round(start / case.step_min) + t, slots_of_day(case))
+
+
+def _cut_into_days(case: Case, per_day: int) -> Days:
+    size: dict[str, float] = {}
+    for sign, tables in ((1.0, case.load), (-1.0, case.pv)):
+        for table in tables:
+            if table.profile is not None:
+                size[table.profile] = size.get(table.profile, 0.0) + sign * table.p_max_mw
+    _, offset = slot_of_day(case, 0)
+    count = -(-(offset + case.slots) // per_day)
+    series = np.full((len(size), count * per_day), np.nan)
+    for row, name in zip(series, size, strict=True):
+        row[offset : offset + case.slots] = case.profile(name)
+    values = series.reshape(len(size), count, per_day).swapaxes(0, 1)
+    first = np.datetime64(case.start.date())
+    off = ~np.is_busday(first + np.arange(count))
+    return Days(tuple(size), np.array(list(size.values())), _filled(values), off)
+
+
+def _filled(values: Floats) -> Floats:
+    """Slots that no day knows get the mean of those that are known."""
+    known = ~np.isnan(values)
+    some = np.where(known, values, 0.0)
+    count, total = known.sum(axis=0), some.sum(axis=0)
+    mean = total.sum(axis=1, keepdims=True) / np.maximum(count.sum(axis=1, keepdims=True), 1)
+    by_slot = np.where(count > 0, total / np.maximum(count, 1), mean)
+    found: Floats = np.where(known, values, by_slot)
+    return found
+
+
+@dataclass(frozen=True)
+class Climate:
+    """The mixture and the noise.
+
+    Attributes:
+        names: of the profiles of loads and PV.
+        basis: (levels, profiles, slots) per unit at one unit of every level.
+        noise: (outcomes, profiles, slots) factors of what the levels say, equally likely.
+        size: (profiles,) MW that one per unit is.
+        levels: (days, levels) of the days that it was learnt from.
+    """
+
+    names: tuple[str, ...]
+    basis: Floats
+    noise: Floats
+    size: Floats
+    levels: Floats
+
+    def fitted(self, values: Floats, slots: Ints) -> Floats:
+        """(levels,) of a day of which (profiles, len(slots)) is known or forecast."""
+        return _fit(self.basis[:, :, slots], self.size, values)
+
+    def profile(self, name: str, t: int, outcome: int) -> Floats:
+        """(levels,) per unit of a profile in slot t that one unit of every level adds."""
+        k = self.names.index(name)
+        found: Floats = self.basis[:, k, t] * self.noise[outcome, k, t]
+        return found
+
+
+def learnt(days: Days, outcomes: int) -> Climate:
+    """The mixture that fits the days, and `outcomes` equally likely factors for every slot."""
+    basis = _basis(days)
+    levels = np.array([_fit(basis, days.size, day) for day in days.values])
+    fit = np.tensordot(levels, basis, 1)
+    rest = np.tensordot(days.values - fit, days.size, ([1], [0]))
+    order = np.argsort(rest, axis=0, kind="stable")
+    noise = np.ones((outcomes, *days.values.shape[1:]))
+    for factor, chosen in zip(noise, np.array_split(order, outcomes), strict=True):
+        if not len(chosen):
+            continue
+        at = chosen[:, None, :]
+        actual = np.take_along_axis(days.values, at, axis=0).sum(axis=0)
+        said = np.take_along_axis(fit, at, axis=0).sum(axis=0)
+        np.divide(actual, said, out=factor, where=said > 0.0)
+    return Climate(days.names, basis, noise, days.size, levels)
+
+
+def _basis(days: Days) -> Floats:
+    """Mean working day, mean day off (where there are both), and mean day of the sun."""
+    load, sun = days.size >= 0.0, days.size < 0.0
+    kinds = [kind for kind in (~days.off, days.off) if kind.any()]
+    found = [days.values[kind].mean(axis=0) * load[:, None] for kind in kinds if load.any()]
+    if sun.any():
+        found.append(days.values.mean(axis=0) * sun[:, None])
+    return np.array(found).reshape(len(found), *days.values.shape[1:])
+
+
+def _fit(basis: Floats, size: Floats, values: Floats) -> Floats:
+    """Non-negative least squares of (profiles, slots) on (levels, profiles, slots), in MW."""
+    from scipy.optimize import nnls
+
+    weight = np.abs(size)[:, None]
+    design = (basis * weight).reshape(len(basis), -1).T
+    if not design.size:
+        return np.ones(len(basis))
+    both = np.column_stack([design, (values * weight).ravel()])
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    found: Floats = nnls(triangle[:, :-1], triangle[:, -1])[0]
+    return found

@@ -1,0 +1,167 @@
+"""A few hours ahead as they may come, and the cuts behind them.
+
+The cuts know neither since when a line is down, nor that it has failed today already, nor what
+the forecast says of the next hours. A fan of sampled outage paths knows all three: its first slot
+is common to all paths, and behind each path stands the future cost of the mode in which it ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.dispatch.aggregate import aggregate
+from resilience.dispatch.base import Forecast
+from resilience.dispatch.rolling import Program, Steps, Window
+from resilience.dispatch.sddp.book import Book, CutSet
+from resilience.dispatch.sddp.chain import Bools
+from resilience.fragility.conditional import DayDraw, Known, days_reached, futures
+from resilience.models.algebra import Floats, Ints
+from resilience.models.backends.highs import Highs
+
+AHEAD = Steps(slots=4, blocks=3, block_slots=4)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is known of one scenario.
+
+    Attributes:
+        t: slot of the horizon.
+        day: number of the day.
+        known: of the lines that can fail.
+        up: (lines of the case,) line status now.
+        energy: (merged units,) MWh.
+        levels: (levels,) of the day.
+        forecast: of profiles, (len(slots),) each.
+    """
+
+    t: int
+    day: int
+    known: Known
+    up: Bools
+    energy: Floats
+    levels: Floats
+    forecast: Forecast
+
+
+@dataclass(frozen=True)
+class Futures:
+    """Different paths: line status of the case (lines, steps, paths), probabilities (paths,), and
+    which of the lines that can fail are down in the last slot, (lines, paths).
+    """
+
+    up: Bools
+    share: Floats
+    ends: Bools
+
+
+class Lookahead:
+    """The fan of a book's case.
+
+    Args:
+        book: cut sets.
+        paths: sampled futures; those that are alike become one.
+        steps: of every path; a path that would pass midnight ends there, slot by slot.
+        seed: of the sampled futures; they have nothing to do with the storms that come.
+    """
+
+    def __init__(self, book: Book, paths: int, steps: Steps = AHEAD, seed: int = 0) -> None:
+        self.book, self.paths, self.steps, self.seed = book, paths, steps, seed
+        self.small = aggregate(book.fleet.grid.case)
+        case = book.case
+        self.lines = [case.network.line(name) for name in book.lines]
+        self._programs: dict[tuple[int, int, int], Program] = {}
+        self._ends: dict[tuple[int, int, int], Ints] = {}
+        self._days: dict[int, DayDraw] = {}
+
+    def decide(self, asked: Asked, cuts: CutSet) -> Floats:
+        """(merged units,) charging power now, MW; negative is discharging."""
+        left = cuts.problem.slots - asked.known.t
+        whole = left >= self.steps.horizon
+        steps = self.steps if whole else Steps(left, 0, self.steps.block_slots)
+        paths = self._sampled(asked, steps)
+        key = (steps.slots, steps.blocks, len(paths.share))
+        program = self._program(key, steps)
+        vectors = program.vectors(
+            Window(
+                asked.t,
+                asked.energy,
+                paths.up,
+                paths.share,
+                asked.forecast,
+                np.zeros(self.book.fleet.n),
+            )
+        )
+        problem, counted = program.problem, paths.share > 0.0
+        vectors.cost[problem.future] = paths.share
+        vectors.lower[problem.future] = np.where(counted, -np.inf, 0.0)
+        vectors.upper[problem.future] = np.where(counted, np.inf, 0.0)
+        rows = self._rows(key, asked, cuts, paths, asked.known.t + steps.horizon - 1)
+        solver = Highs(program.solver.lowered, rows=rows, duals=False, threads=1)
+        # Solved once and from scratch: half the time that presolve needs.
+        solver.model.setOptionValue("presolve", "off")
+        solver.update(vectors)
+        z = solver.solve().point
+        charge, discharge = (problem.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge"))
+        found: Floats = z[charge] - z[discharge]
+        return found
+
+    def _sampled(self, asked: Asked, steps: Steps) -> Futures:
+        """Different paths, as many as a program is kept for: the last may stand there twice."""
+        after, up = steps.horizon - 1, np.repeat(asked.up[:, None, None], steps.n, axis=1)
+        down = asked.known.since >= 0
+        if not after or not self.lines:
+            return Futures(up, np.ones(1), down[:, None])
+        per_day = self.book.per_day
+        reach = days_reached(asked.known.t, after, per_day)
+        draws = [self._draw(asked.day + later) for later in range(reach)]
+        later = futures(self.book.bell, asked.known, after, per_day, draws)
+        blocks = np.logical_or.reduceat(later, steps.starts[1:] - 1, axis=1)
+        facts = np.concatenate([blocks.reshape(-1, self.paths), later[:, -1]])
+        _, first, count = np.unique(facts, axis=1, return_index=True, return_counts=True)
+        size = self._size(len(first))
+        fill = np.minimum(np.arange(size), len(first) - 1)
+        share = np.where(np.arange(size) < len(first), count[fill], 0) / self.paths
+        up = np.repeat(up, size, axis=2)
+        up[self.lines, 1:] = ~blocks[:, :, first[fill]]
+        return Futures(up, share, later[:, -1, first[fill]])
+
+    def _size(self, n: int) -> int:
+        kept = [1, *(int(np.ceil(self.paths * part)) for part in (0.25, 0.5, 0.75, 1.0))]
+        return next(size for size in kept if size >= n)
+
+    def _draw(self, day: int) -> DayDraw:
+        """The draws of a day, the same in all of its slots and in every scenario."""
+        if day not in self._days:
+            rng = np.random.default_rng([self.seed, day])
+            self._days[day] = DayDraw.of(len(self.lines), self.paths, rng)
+        return self._days[day]
+
+    def _program(self, key: tuple[int, int, int], steps: Steps) -> Program:
+        if key not in self._programs:
+            program = Program(self.small, steps, key[2])
+            problem = program.problem
+            states = [problem.state_columns(int(leaf)) for leaf in problem.tree.leaves]
+            self._programs[key] = program
+            self._ends[key] = np.column_stack([np.array(states), problem.future])
+        return self._programs[key]
+
+    def _rows(
+        self, key: tuple[int, int, int], asked: Asked, found: CutSet, paths: Futures, last: int
+    ) -> tuple[sp.csr_array, Floats]:
+        """Rows beta @ state - future <= -alpha of every path that counts, at slot `last`."""
+        problem, ends = self._programs[key].problem, self._ends[key]
+        values, columns, sides = [], [], []
+        for path in np.flatnonzero(paths.share > 0.0):
+            cuts = found.cuts(last, paths.ends[:, path])
+            values.append(np.column_stack([cuts.beta, -np.ones(cuts.n)]))
+            columns.append(np.repeat(ends[[path]], cuts.n, axis=0))
+            sides.append(-cuts.at(asked.levels))
+        value, column = np.concatenate(values), np.concatenate(columns)
+        starts = np.arange(len(value) + 1) * value.shape[1]
+        shape = (len(value), problem.n_columns)
+        rows = sp.csr_array((value.ravel(), column.ravel(), starts), shape=shape)
+        return rows, np.concatenate(sides)

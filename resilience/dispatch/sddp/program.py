@@ -1,0 +1,101 @@
+"""One slot in numbers: what the linear programs of one stage share.
+
+The program is `unroll` of a one-node tree, its present states moved to the right-hand side, its
+parallel columns (one matrix column, one price: loads at a bus that are shed at one price) merged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from resilience.dispatch.sddp.model import Outcomes
+from resilience.models.algebra import Floats, Ints
+from resilience.models.stage import Stage
+from resilience.models.tree import Tree
+from resilience.models.unroll import unroll
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What data decides, for n blocks: (n, columns or rows, 1 + levels), prices (n, columns).
+
+    The last axis holds the constant, then what one unit of each level adds.
+    """
+
+    lower: Floats
+    upper: Floats
+    rhs: Floats
+    price: Floats
+    price_now: Floats
+    offset: Floats
+
+
+class Program:
+    """The matrix of a stage, and how data becomes numbers.
+
+    Raises:
+        ValueError: the stage has integers, whose future cost is not convex.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self.problem = unroll([stage], Tree.chain(["now"]))
+        if self.problem.integer.any():
+            raise ValueError("a stage with integers has no cuts; relax it first")
+        self.form = self.problem.forms[0]
+        self.n_now, whole = self.problem.n_states, self.problem.a.toarray()
+        # Behind the present states stands the future cost of the one leaf, which `Blocks` has too.
+        self._own = np.arange(self.n_now + 1, self.problem.n_columns)
+        self.now = whole[:, : self.n_now]
+        after = self.problem.state_columns(0) - self._own[0]
+        self.group, self._first = self._parallel(whole[:, self._own], after)
+        self.a = sp.csr_array(whole[:, self._own[self._first]])
+        self.after: Ints = self.group[after]
+        self.equality = self.problem.equality
+        self.n = len(self._first)
+
+    def _parallel(self, own: Floats, after: Ints) -> tuple[Ints, Ints]:
+        """(own,) group of every column, and the first column of every group."""
+        form = self.form
+        prices = slice(int(form.parts[2]) + form.n_now, None)
+        alone = np.zeros(own.shape[1])
+        alone[after] = 1.0 + np.arange(len(after))
+        facts = np.column_stack([own.T, form.fixed[prices], form.moving[prices].toarray(), alone])
+        _, first, group = np.unique(facts, axis=0, return_index=True, return_inverse=True)
+        return group.ravel().astype(np.intp), first.astype(np.intp)
+
+    def columns(self, name: str) -> Ints:
+        """(labels,) columns of a variable; several labels share one where they are merged."""
+        found: Ints = self.group[self.problem.columns(name)[:, 0] - self._own[0]]
+        return found
+
+    def numbers(self, outcomes: Outcomes, levels: int) -> Numbers:
+        """Those of every outcome.
+
+        Raises:
+            KeyError: data that the stage needs is missing.
+            ValueError: a price depends on a level.
+        """
+        form, shape = self.form, (len(outcomes.probability), 1 + levels)
+        stacked = np.empty((form.n_data, *shape))
+        for block in form.stage.datums:
+            stacked[block.slice] = outcomes.data[block.name]
+        moved = form.moving @ stacked.reshape(form.n_data, shape[0] * shape[1])
+        values = np.moveaxis(moved.reshape(-1, *shape), 0, 1)
+        values[:, :, 0] += form.fixed
+        lower, upper, rhs, price = np.split(values, form.parts, axis=1)
+        if price[:, :, 1:].any():
+            raise ValueError("prices depend on a level; cuts would not be bounds")
+        offset = np.tensordot(form.offset_data, stacked, 1)
+        offset[:, 0] += form.offset
+        now, own = price[:, : self.n_now, 0], price[:, self.n_now :, 0]
+        return Numbers(
+            self._merged(lower), self._merged(upper), rhs, own[:, self._first], now, offset
+        )
+
+    def _merged(self, values: Floats) -> Floats:
+        found = np.zeros((self.n, len(values), values.shape[2]))
+        np.add.at(found, self.group, values.swapaxes(0, 1))
+        return found.swapaxes(0, 1)

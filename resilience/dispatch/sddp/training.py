@@ -1,0 +1,242 @@
+"""Cuts by sampled paths: forward with the cuts there are, backward to better ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from resilience.dispatch.sddp.blocks import Blocks
+from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
+from resilience.dispatch.sddp.program import Program
+from resilience.models.algebra import Floats, Ints
+from resilience.progress import phase
+
+Begin = tuple[Floats, Floats]
+Start = Callable[[np.random.Generator, Floats | None], Begin]
+"""Draws the states and the levels at which a path begins, told the states where the last ended."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How many paths, when to stop, and the seed.
+
+    Attributes:
+        iterations: at most so many.
+        paths: of one iteration, which share the work of a pass.
+        patience: stop once so many iterations gained less than `tolerance` in the bound.
+        tolerance: of the bound, $; relative where the bound is above 1 $.
+        jump: chance per slot that a path goes on from elsewhere, about half of its states being
+            drawn anew: cuts are needed where the policy does not go yet.
+        tidy: every so many iterations, cuts that are highest nowhere are dropped.
+        seed: of the paths; the same one gives the same cuts.
+    """
+
+    iterations: int = 100
+    paths: int = 1
+    patience: int = 20
+    tolerance: float = 1e-4
+    jump: float = 0.05
+    tidy: int = 20
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Paths:
+    """Simulated paths: states (slots + 1, paths, states), levels (paths, levels), modes
+    (slots, paths), cost (paths,) in $.
+    """
+
+    states: Floats
+    levels: Floats
+    modes: Ints
+    cost: Floats
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What training found.
+
+    Attributes:
+        cuts: by slot, then by mode: the future cost behind that slot.
+        root: the cost of the whole path, as a function of where it begins.
+        bounds: (iterations,) $: the lower bound after each iteration, proven, averaged over
+            the beginnings that it was asked for.
+    """
+
+    cuts: list[list[Cuts]]
+    root: Cuts
+    bounds: Floats
+
+    @property
+    def bound(self) -> float:
+        """Lower bound on the expected cost of any policy, $."""
+        return float(self.bounds[-1])
+
+
+class Slot:
+    """All modes and outcomes of a slot, at several points at once, with the cuts of their futures.
+
+    Blocks are numbered by point, then by mode, then by outcome.
+    """
+
+    def __init__(
+        self, programs: list[Program], modes: Sequence[Outcomes], levels: int, points: int
+    ) -> None:
+        self.noise, self.points = [mode.probability for mode in modes], points
+        parts = [(programs[m.stage], programs[m.stage].numbers(m, levels)) for m in modes]
+        count = [len(p) for p in self.noise]
+        self.first, self.n = np.cumsum(count) - count, sum(count)
+        mode = np.repeat(np.arange(len(modes)), count)
+        none = Cuts(np.zeros(0), np.zeros((0, parts[0][0].n_now)), np.zeros((0, levels)))
+        owner = np.tile(mode, points)
+        self.blocks = Blocks(parts * points, owner, none, np.zeros(0, np.intp))
+        self._expect = np.zeros((len(modes), self.n))
+        self._expect[mode, np.arange(self.n)] = np.concatenate(self.noise)
+
+    def expected(self, states: Floats, levels: Floats) -> list[Cuts]:
+        """Per point (points, ...) a cut per mode, on what is left to pay from this slot on."""
+        found = self.blocks.bounds(*(np.repeat(x, self.n, axis=0) for x in (states, levels)))
+        each = [slice(k * self.n, (k + 1) * self.n) for k in range(self.points)]
+        return [found[at].mixed(self._expect) for at in each]
+
+    def add(self, cuts: Sequence[Cuts]) -> None:
+        """More cuts, each of `cuts` one for every mode."""
+        of = np.tile(np.arange(len(self.noise)), len(cuts))
+        self.blocks.add(Cuts.joined(cuts), of)
+
+    def put(self, cuts: Sequence[Cuts]) -> None:
+        """These cuts of every mode in place of others."""
+        of = np.repeat(np.arange(len(cuts)), [c.n for c in cuts])
+        self.blocks.replace(Cuts.joined(cuts), of)
+
+    @property
+    def cuts(self) -> list[Cuts]:
+        """By mode."""
+        return [self.blocks.cuts[self.blocks.of == m] for m in range(len(self.noise))]
+
+
+class Engine:
+    """The slots of a problem, all warm; `points` paths go through them at once."""
+
+    def __init__(
+        self, problem: Multistage, cuts: list[list[Cuts]] | None = None, points: int = 1
+    ) -> None:
+        self.problem, self.points = problem, points
+        programs = [Program(stage) for stage in problem.stages]
+        levels = problem.levels
+        self.slots = [Slot(programs, modes, levels, points) for modes in problem.outcomes]
+        for slot, known in zip(self.slots, cuts or [], strict=False):
+            slot.put(known)
+        self.slots[-1].put([problem.terminal] * len(problem.outcomes[-1]))
+
+    def forward(
+        self, begin: Begin, rng: np.random.Generator, jump: Callable[[Floats], Floats] | None = None
+    ) -> Paths:
+        """Paths from (points, states) and (points, levels), with the cuts there are.
+
+        `jump` may replace the states, (points, states), behind every slot.
+        """
+        state, levels = begin
+        states, cost = [state], np.zeros(self.points)
+        modes = [np.zeros(self.points, np.intp)]
+        for slot, transition in zip(self.slots, self.problem.transition, strict=True):
+            mode = np.array([_draw(transition[m], rng) for m in modes[-1]])
+            noise = [_draw(slot.noise[m], rng) for m in mode]
+            chosen = np.arange(self.points) * slot.n + slot.first[mode] + noise
+            after, spent = slot.blocks.step(chosen, states[-1], levels)
+            states.append(jump(after) if jump else after)
+            modes.append(mode)
+            cost += spent
+        terminal = self.problem.terminal
+        cost += [terminal.value(x, at) for x, at in zip(states[-1], levels, strict=True)]
+        return Paths(np.array(states), levels, np.array(modes[1:]), cost)
+
+    def backward(self, states: Floats, levels: Floats) -> Cuts:
+        """Cuts for every slot and mode at (slots, points, states); returns those of the whole."""
+        transition = self.problem.transition
+        for t in range(self.problem.slots - 1, 0, -1):
+            found = self.slots[t].expected(states[t], levels)
+            self.slots[t - 1].add([cuts.mixed(transition[t]) for cuts in found])
+        found = self.slots[0].expected(states[0], levels)
+        return Cuts.joined([cuts.mixed(transition[0]) for cuts in found])
+
+    def tidy(self, paths: list[Paths]) -> None:
+        """Drops cuts that are highest at none of the states that paths have visited."""
+        levels = np.concatenate([path.levels for path in paths])
+        for t, slot in enumerate(self.slots[:-1]):
+            states = np.concatenate([path.states[t + 1] for path in paths])
+            slot.put([cuts.useful(states, levels) for cuts in slot.cuts])
+
+    @property
+    def cuts(self) -> list[list[Cuts]]:
+        """By slot, then by mode."""
+        return [slot.cuts for slot in self.slots]
+
+
+def train(
+    problem: Multistage,
+    start: Start,
+    probes: Sequence[Begin],
+    settings: Settings | None = None,
+) -> Trained:
+    """Iterates until the bound stalls.
+
+    Args:
+        problem: what to learn the future cost of.
+        start: where paths begin; every path may begin elsewhere.
+        probes: beginnings at which the bound is taken, and its mean watched.
+        settings: when to stop.
+    """
+    settings = settings or Settings()
+    rng = np.random.default_rng(settings.seed)
+    every: list[Paths] = []
+    bounds: list[float] = []
+
+    def begin() -> Begin:
+        last = every[-1].states[-1] if every else [None] * settings.paths
+        drawn = [start(rng, ended) for ended in last]
+        return np.array([x for x, _ in drawn]), np.array([levels for _, levels in drawn])
+
+    def jump(states: Floats) -> Floats:
+        anew = rng.random(len(states)) < settings.jump
+        for row in np.flatnonzero(anew):
+            drawn, _ = start(rng, None)
+            states[row] = np.where(rng.random(len(drawn)) < 0.5, drawn, states[row])
+        return states
+
+    with phase("cuts", f"{problem.slots} slots, {sum(map(len, problem.outcomes))} modes"):
+        engine = Engine(problem, points=settings.paths)
+        states, levels = begin()
+        # The first cuts need no policy: going backward, every future is met before it is used.
+        root = engine.backward(np.repeat(states[None], problem.slots, axis=0), levels)
+        while len(every) < settings.iterations and not _stalled(bounds, settings):
+            paths = engine.forward(begin(), rng, jump)
+            every.append(paths)
+            root = Cuts.joined([root, engine.backward(paths.states, paths.levels)])
+            bounds.append(float(np.mean([root.value(*probe) for probe in probes])))
+            if len(every) % settings.tidy == 0:
+                engine.tidy(every)
+        engine.tidy(every)
+    return Trained(engine.cuts, root, np.array(bounds))
+
+
+def simulated(
+    problem: Multistage, trained: Trained, begin: Begin, n: int, rng: np.random.Generator
+) -> Floats:
+    """(n,) $: costs of simulated paths of the policy; their mean estimates an upper bound."""
+    engine = Engine(problem, trained.cuts, n)
+    states, levels = (np.repeat(np.asarray(x)[None], n, axis=0) for x in begin)
+    return engine.forward((states, levels), rng).cost
+
+
+def _stalled(bounds: list[float], settings: Settings) -> bool:
+    if len(bounds) <= settings.patience:
+        return False
+    gained = bounds[-1] - bounds[-1 - settings.patience]
+    return gained < settings.tolerance * max(1.0, abs(bounds[-1]))
+
+
+def _draw(probability: Floats, rng: np.random.Generator) -> int:
+    return int(np.searchsorted(np.cumsum(probability)[:-1], rng.random(), side="right"))

@@ -1,0 +1,82 @@
+"""What is learnt of days: mixtures, noise, and that test days stay unseen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small import small
+
+import resilience as rs
+from resilience.dispatch.evaluate import held_out
+from resilience.dispatch.sddp.days import Days, learnt, past_days, slot_of_day
+
+RNG = np.random.default_rng(4)
+SLOTS = 24
+WORK, OFF, SUN = RNG.uniform(0.2, 1.0, (3, SLOTS))
+
+
+def week() -> Days:
+    """Seven days that are exact mixtures; the last two are off."""
+    off = np.arange(7) >= 5
+    scale = np.array([1.0, 0.9, 1.1, 1.0, 1.0, 1.0, 1.0])
+    load = np.where(off[:, None], OFF, WORK) * scale[:, None]
+    sun = SUN * np.array([0.2, 1.5, 1.0, 1.3, 1.0, 0.9, 1.1])[:, None]
+    return Days(("load", "sun"), np.array([5.0, -2.0]), np.stack([load, sun], axis=1), off)
+
+
+def test_a_mixture_is_recognised_whole_and_in_part() -> None:
+    days = week()
+    climate = learnt(days, 1)
+    np.testing.assert_allclose(climate.levels[1], [0.9, 0.0, 1.5], atol=1e-9)
+    np.testing.assert_allclose(climate.levels[6], [0.0, 1.0, 1.1], atol=1e-9)
+    np.testing.assert_allclose(climate.noise, 1.0, atol=1e-9)
+    late = np.arange(15, SLOTS)
+    mixed = np.stack([0.3 * WORK + 0.5 * OFF, 0.7 * SUN])
+    np.testing.assert_allclose(climate.fitted(mixed[:, late], late), [0.3, 0.5, 0.7], atol=1e-9)
+
+
+def test_noise_keeps_the_mean_of_every_slot() -> None:
+    days = week()
+    rough = days.values * np.random.default_rng(0).uniform(0.8, 1.2, days.values.shape)
+    noisy = Days(days.names, days.size, rough, days.off)
+    climate = learnt(noisy, 7)
+    at = 9
+    fit = np.array([[climate.profile(n, at, w) for n in days.names] for w in range(7)])
+    order = np.argsort(
+        (rough[:, :, at] - climate.levels @ climate.basis[:, :, at]) @ days.size, kind="stable"
+    )
+    said = np.einsum("wpl,wl->wp", fit, climate.levels[order])
+    np.testing.assert_allclose(said, rough[order, :, at], rtol=1e-9)
+
+
+def test_noise_goes_from_light_to_heavy_net_load() -> None:
+    case = rs.load_case("ieee33-tou")
+    climate = learnt(past_days(case), 3)
+    mean = climate.levels.mean(axis=0)
+    net = np.einsum("l,lps,wps,p->ws", mean, climate.basis, climate.noise, climate.size)
+    assert (np.diff(net, axis=0) > 0.0).all()
+
+
+def test_nothing_is_learnt_from_test_days() -> None:
+    case = rs.load_case("ieee33-tou")
+    days = past_days(case)
+    assert len(days.values) == 46
+    first = held_out(case, 16).start
+    assert str(first.date()) == "2016-08-16"
+    assert days.off[:10].tolist() == [day in (1, 2, 8, 9) for day in range(10)]  # from Friday on
+    again = past_days(held_out(case, 16))
+    np.testing.assert_array_equal(days.values, again.values)
+
+
+def test_a_case_without_a_file_is_its_own_climate() -> None:
+    case = small(
+        slots=6,
+        step_min=240.0,
+        load=[{"p_max_mw": 2.0, "shed_cost_per_mwh": 5.0, "profile": "demand"}],
+        grid=[{"import_max_mw": 3.0, "import_cost_per_mwh": 1.0}],
+        columns={"demand": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
+    )
+    days = past_days(case)
+    np.testing.assert_allclose(days.values[0, 0], case.profile("demand"))
+    assert learnt(days, 2).levels.tolist() == [pytest.approx([1.0])]
+    assert slot_of_day(case, 7) == (1, 1)
