@@ -1,11 +1,11 @@
-"""`solve`: one deterministic horizon, outages known in advance, by any of the methods."""
+"""`solve`: a plan for a horizon, outages known in advance or given as scenarios."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, Literal, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -20,9 +20,62 @@ from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
 from resilience.models.problem import Problem, as_switched, horizon
 from resilience.models.referee import audit, settle
+from resilience.models.replay import per_slot, variables
 from resilience.models.situation import Situation
 from resilience.progress import phase, stopwatch
 from resilience.results import Plan, Table, outage_texts, replacing_file
+
+if TYPE_CHECKING:
+    from resilience.dispatch.scenario_plan import ScenarioPlan
+    from resilience.fragility.scenarios import Scenarios
+    from resilience.models.risk import Risk
+
+Deterministic = Literal["lp", "milp", "socp", "nlp", "minlp", "exact"]
+
+
+class ScenarioOptions(TypedDict, total=False):
+    """Options of `solve` for plans over scenarios.
+
+    Attributes:
+        scenarios: how many are drawn (200), or the scenarios themselves.
+        risk: what is minimised: `"mean"`, or `"cvar:0.95:0.5"`, half the mean and half the mean of
+            the worst 5 %.
+        common_slots: slots after which every scenario goes its own way; if omitted, each leaves the
+            common schedule when its own outage shows.
+        algorithm: `"extensive"` or `"lshaped"`; by the number of scenarios if omitted.
+    """
+
+    scenarios: int | Scenarios | None
+    risk: str | Risk | None
+    common_slots: int | None
+    algorithm: str | None
+
+
+@overload
+def solve(
+    case: Case | str | Path,
+    method: Deterministic = "minlp",
+    *,
+    physics: Physics | None = None,
+    outages: str | Path | None = None,
+    seed: int | None = None,
+    time_limit: float = 60.0,
+    relative_gap: float | None = None,
+) -> Plan: ...
+
+
+@overload
+def solve(
+    case: Case | str | Path,
+    method: str,
+    *,
+    physics: Physics | None = None,
+    outages: str | Path | None = None,
+    seed: int | None = None,
+    time_limit: float = 60.0,
+    relative_gap: float | None = None,
+    **options: Unpack[ScenarioOptions],
+) -> Plan | ScenarioPlan: ...
 
 
 def solve(
@@ -33,19 +86,25 @@ def solve(
     outages: str | Path | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
-    relative_gap: float = 1e-3,
-) -> Plan:
+    relative_gap: float | None = None,
+    **options: Unpack[ScenarioOptions],
+) -> Plan | ScenarioPlan:
     """The best plan for the case's horizon.
 
     Args:
         case: a case, its file, or the name of an installed one.
-        method: lp, milp, socp, nlp, minlp or exact.
+        method: lp, milp, socp, nlp, minlp or exact, which know the outages in advance; or
+            `stochastic`, a two-stage program over scenarios; or the name of any dispatcher, which
+            is simulated in the same scenarios.
         physics: copperplate, lindistflow or distflow; the method's own if omitted.
-        outages: `"6-26@14:00-17:30, ..."`, a CSV file, `"bell"` for one draw of the
-            process that the case's `[outage]` describes, or `"none"`; the case's own if omitted.
+        outages: `"6-26@14:00-17:30, ..."`, a CSV file, `"bell"` or `"storm"` for one draw of
+            what the case's `[outage]` or `[storm]` describes, or `"none"`; the case's own if
+            omitted.
+            Over scenarios: a file of scenarios (.npz, .csv), or a draw from the process.
         seed: of the draw; 0 if omitted.
         time_limit: seconds for the search; the best plan found is returned.
-        relative_gap: gap at which the search may stop.
+        relative_gap: gap at which the search may stop; 1e-3, over scenarios 1e-4, if omitted.
+        options: of plans over scenarios, see `ScenarioOptions`.
 
     Raises:
         CaseError: the case or the outages have mistakes; all of them are listed.
@@ -53,35 +112,82 @@ def solve(
         InfeasibleError: no plan satisfies the model; the message names what conflicts.
         SolverError: no plan was found in time.
     """
-    if method not in METHODS:
-        raise UsageError(
-            f"method {method!r} is unknown; allowed: {', '.join(METHODS)}",
-            hint="minlp is the default; lp is the fastest",
-        )
+    scenario_based = _over_scenarios(method, options)
+    found: Plan | ScenarioPlan
     with stopwatch() as seconds:
         with phase("case"):
             case = case if isinstance(case, Case) else load_case(case)
-            if outages is not None or seed is not None:
-                case = case.replace(outages=outages_from(outages, case, seed))
-        find, usual = METHODS[method]
-        with phase("model"):
-            problem = horizon(case, physics or usual)
-        answer = find(problem, Options(time_limit, relative_gap))
-        with phase("audit"):
-            plan = describe(problem, answer, method)
-    total = sum(seconds.values())
-    return replace(plan, seconds=total, seconds_by_phase=seconds)
+        if scenario_based:
+            from resilience.dispatch.storm_plan import plan_over_scenarios
+
+            limits = Options(time_limit, 1e-4 if relative_gap is None else relative_gap)
+            found = plan_over_scenarios(case, method, physics, outages, seed, limits, options)
+        else:
+            limits = Options(time_limit, 1e-3 if relative_gap is None else relative_gap)
+            found = _deterministic(case, method, physics, outages, seed, limits)
+    return replace(found, seconds=sum(seconds.values()), seconds_by_phase=seconds)
 
 
-def export_model(plan: Plan, path: Path) -> None:
+def _over_scenarios(method: str, options: ScenarioOptions) -> bool:
+    """Whether a method plans over scenarios.
+
+    Raises:
+        UsageError: unknown method, or options that it does not take.
+    """
+    from resilience.dispatch.registry import DISPATCHERS
+
+    names = dict.fromkeys([*METHODS, "stochastic", *DISPATCHERS])
+    if method not in names:
+        raise UsageError(
+            f"method {method!r} is unknown; allowed: {', '.join(names)}",
+            hint="minlp is the default; lp is the fastest; stochastic does not know the outages",
+        )
+    taken = ScenarioOptions.__annotations__ if method == "stochastic" else {"scenarios"}
+    given = [key for key, value in options.items() if value is not None]
+    wrong = [key for key in given if method in METHODS or key not in taken]
+    if wrong:
+        what = "knows its outages" if method in METHODS else "is simulated"
+        raise UsageError(
+            f"method {method} {what} and takes no {', '.join(wrong)}",
+            hint="--method stochastic plans over scenarios",
+        )
+    return method not in METHODS
+
+
+def _deterministic(
+    case: Case,
+    method: str,
+    physics: Physics | None,
+    outages: str | Path | None,
+    seed: int | None,
+    options: Options,
+) -> Plan:
+    """The best plan where the outages are known in advance."""
+    with phase("case"):
+        if outages is not None or seed is not None:
+            case = case.replace(outages=outages_from(outages, case, seed))
+    find, usual = METHODS[method]
+    with phase("model"):
+        problem = horizon(case, physics or usual)
+    answer = find(problem, options)
+    with phase("audit"):
+        return describe(problem, answer, method)
+
+
+def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
     """Writes the model behind a plan as LP, MPS or NL, by the suffix of `path`.
 
     Raises:
-        UsageError: another suffix, or a plan without its case.
+        UsageError: another suffix, a plan without its case, or one over scenarios.
     """
     from resilience.models.backends.pyomo import Pyomo, check_format
 
     check_format(path)
+    if not isinstance(plan, Plan):
+        raise UsageError(
+            "a plan over scenarios is not one model that could be exported",
+            hint="export that of a single storm: --method lp with its outages",
+        )
     if plan.case is None:
         raise UsageError("a plan without its case has no model", hint="solve the case again")
     problem = horizon(plan.case, cast(Physics, plan.physics))
@@ -171,7 +277,8 @@ def tabulate(problem: Problem, z: Floats) -> dict[str, Table]:
         found["pv_available"] = Table(standard.labels("pv.p"), data["pv.available"])
     found["power"] = Table(tuple(power), np.array(list(power.values())))
     found |= _wires(problem, z)
-    return found | _states(problem, z, as_switched(problem, z))
+    found |= _states(problem, z, as_switched(problem, z))
+    return found | {"variables": Table(variables(standard), per_slot(standard, z))}
 
 
 def _wires(problem: Problem, z: Floats) -> dict[str, Table]:

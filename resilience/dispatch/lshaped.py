@@ -1,0 +1,139 @@
+r"""Two-stage programs cut at the trunk: the multi-cut L-shaped method (Van Slyke and Wets 1969).
+
+The master decides the trunk and holds, for every scenario, a variable $\theta_s$ below which its
+recourse cost is not believed to lie. At the trunk's states every scenario is solved; the dual of
+those states gives a cut that holds everywhere,
+
+$$ \theta_s \ge Q_s(\hat x) + \beta_s^\top (x - \hat x), \qquad \beta_s \in \partial Q_s(\hat x), $$
+
+and the master is solved again. Its optimum is a proven lower bound, the best trunk met so far with
+its true recourse cost an upper one; the two meet. Cuts are evaluated from multipliers
+(`resilience.models.certificate`), so the bound does not lean on solver tolerances. Recourse is
+taken to be feasible everywhere, as it is where loads can be shed; where it is not, the scenario is
+named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from resilience.dispatch.master import Master, Trial
+from resilience.dispatch.recourse import Recourse, Second
+from resilience.dispatch.twostage import TwoStage
+from resilience.errors import SolverError
+from resilience.models.algebra import Floats, Ints
+from resilience.models.backends.base import Status
+from resilience.models.backends.lower import Discs
+from resilience.models.methods.answer import Clock, gap
+from resilience.progress import phase
+
+ROUNDS = 200
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A two-stage program, solved.
+
+    Attributes:
+        status: optimal (within the gap asked for) or feasible.
+        trunk: values of the trunk's columns.
+        points: values of every chain in the columns of its program; steps before it are zero.
+        cost: (chains + 1,) $ of every scenario, the one that stays on the trunk last.
+        probability: (chains + 1,) of each.
+        objective: of the risk over these costs, $.
+        bound: proven lower bound, $.
+        start_cost: (chains + 1,) $ with the trunk that the search began from, where one was given.
+        iterations: how often the second stage was solved.
+    """
+
+    status: Status
+    trunk: Floats
+    points: list[Floats]
+    cost: Floats
+    probability: Floats
+    objective: float
+    bound: float
+    start_cost: Floats | None = None
+    iterations: int = 1
+
+
+@dataclass
+class Options:
+    """How to search.
+
+    Attributes:
+        gap: relative gap at which to stop.
+        time_limit: seconds; the best trunk so far is then the answer.
+        workers: threads that solve scenarios.
+        start: (trunk nodes, states) of a trunk to begin from.
+        discs: polygons within the discs or around them.
+        held: columns of the trunk to hold at zero.
+        holds: per chain, columns of its program to hold at zero.
+    """
+
+    gap: float = 1e-4
+    time_limit: float = np.inf
+    workers: int = 1
+    start: Floats | None = None
+    discs: Discs = "outer"
+    held: Ints | None = None
+    holds: dict[int, Ints] = field(default_factory=dict)
+
+
+def lshaped(two: TwoStage, options: Options | None = None) -> Solved:
+    """Solves a two-stage program, integers and modes relaxed.
+
+    Raises:
+        InfeasibleError: the trunk, or a scenario behind it, has no point; it is named.
+        SolverError: the solver failed.
+    """
+    options = options or Options()
+    clock = Clock(options.time_limit)
+    master = Master(two, held=options.held, discs=options.discs)
+    recourse = Recourse(two, holds=options.holds, discs=options.discs, workers=options.workers)
+    trial = None if options.start is None else master.held_at(options.start)
+    begun = trial is not None
+    trial = trial or master.solve()
+    best: tuple[float, Trial, Second, Floats] | None = None
+    bound, start_cost = -np.inf, None
+    for k in range(ROUNDS):
+        with phase(
+            "scenarios", f"round {k + 1}" + ("" if best is None else _so_far(best[0], bound))
+        ):
+            second = recourse.at(trial.states)
+        cost = trial.spent.copy()
+        cost[:-1] += second.cost
+        value = two.risk.of(cost, master.chance)
+        if k == 0 and begun:
+            start_cost = cost
+        if best is None or value < best[0]:
+            best = value, trial, second, cost
+        if gap(best[0], bound) <= options.gap or (clock.left <= 0 and np.isfinite(bound)):
+            break
+        master.add(second)
+        with phase("first stage"):
+            trial = master.solve()
+        bound = max(bound, trial.bound)
+        if gap(best[0], bound) <= options.gap:
+            break
+    else:
+        raise SolverError(f"the L-shaped method did not close its gap in {ROUNDS} rounds")
+    value, trial, second, cost = best
+    done: Status = "optimal" if gap(value, bound) <= options.gap else "feasible"
+    return Solved(
+        done,
+        trial.z,
+        second.points,
+        cost,
+        master.chance,
+        value,
+        min(bound, value),
+        start_cost,
+        k + 1,
+    )
+
+
+def _so_far(value: float, bound: float) -> str:
+    return f", {value:.4f} $ against {bound:.4f}"

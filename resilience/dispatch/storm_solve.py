@@ -1,0 +1,189 @@
+"""Solves the two-stage program of a case: the algorithm, modes to keep to, what it is worth."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from resilience.dispatch.extensive import extensive
+from resilience.dispatch.lshaped import Options, Solved, lshaped
+from resilience.dispatch.master import Master
+from resilience.dispatch.recourse import Recourse
+from resilience.dispatch.storms import StormProgram, storm_program
+from resilience.dispatch.twostage import TwoStage
+from resilience.errors import InfeasibleError, UsageError
+from resilience.models.algebra import Floats, Ints
+from resilience.models.backends.base import Status
+from resilience.models.methods.answer import CLOSED, Clock, gap, remains, sides, violated, widest
+from resilience.models.standard import Standard
+from resilience.progress import phase
+
+FEW_STORMS = 50
+FEW_COLUMNS = 20_000  # of the extensive form; beyond, cutting is faster even with few scenarios
+MODE_ROUNDS = 3
+ALGORITHMS = {"extensive": extensive, "lshaped": lshaped}
+TITLES = {"extensive": "extensive form", "lshaped": "L-shaped method"}
+
+
+@dataclass(frozen=True)
+class StormAnswer:
+    """A two-stage program of a case, solved.
+
+    Attributes:
+        solved: the plan; its bound holds for the program with modes and integers relaxed, so for
+            the whole of it too.
+        algorithm: extensive or lshaped.
+        relaxed: facts of the model that the plan does not satisfy, in words.
+        mean_value: $ of the risk, where the trunk is that of the plan for mean data; None where
+            there is no such trunk.
+        stochastic: $ of the same for the best trunk, modes relaxed as in `mean_value`.
+    """
+
+    solved: Solved
+    algorithm: str
+    relaxed: list[str] = field(default_factory=list)
+    mean_value: float | None = None
+    stochastic: float = np.nan
+
+
+def solve_storms(
+    program: StormProgram,
+    *,
+    algorithm: str | None = None,
+    relative_gap: float = 1e-4,
+    time_limit: float = np.inf,
+) -> StormAnswer:
+    """The best trunk and its recourse.
+
+    Args:
+        program: what to solve.
+        algorithm: extensive or lshaped; by the number of storms and the size if omitted.
+        relative_gap: gap at which to stop.
+        time_limit: seconds for the search.
+
+    Raises:
+        InfeasibleError: there is no plan; what conflicts is named, with its scenario.
+        SolverError: a solver failed.
+        UsageError: unknown algorithm, or physics with cones.
+    """
+    two, clock = program.two, Clock(time_limit)
+    algorithm = _algorithm(program, algorithm)
+    with phase("mean-value plan"):
+        start = program.mean_states()
+    options = Options(relative_gap, time_limit, os.cpu_count() or 1, start)
+    first = ALGORITHMS[algorithm](two, options)
+    integers = bool(two.first.integer.any())
+    mean_cost = None if integers else first.start_cost
+    if mean_cost is None and start is not None and not integers:
+        with phase("mean-value plan", "its recourse"):
+            mean_cost = costs_of(two, start)
+    kept = _kept(two, first, algorithm, options, clock)
+    found = replace(kept, bound=min(first.bound, kept.objective))
+    closed = gap(found.objective, found.bound) <= relative_gap
+    status: Status = "optimal" if closed else "feasible"
+    return StormAnswer(
+        replace(found, status=status),
+        algorithm,
+        _left(two, found),
+        None if mean_cost is None else two.risk.of(mean_cost, first.probability),
+        first.objective,
+    )
+
+
+def wait_and_see(program: StormProgram) -> Floats:
+    """(storms,) proven bounds in $ on what each costs if it is known from the start."""
+    apart = storm_program(program.grid, program.storms, common_slots=0)
+    two = apart.two
+    x0 = np.concatenate([np.empty(0), *(two.x0[name] for name in two.first.initial)])
+    with phase("clairvoyant bound"):
+        second = Recourse(two, workers=os.cpu_count() or 1).at(np.tile(x0, (len(two.chains), 1)))
+    found: Floats = np.minimum(second.alpha + second.beta @ x0, second.cost)
+    return found
+
+
+def costs_of(two: TwoStage, states: Floats) -> Floats | None:
+    """(scenarios,) $ with a trunk that passes through states (trunk nodes, states), if it can."""
+    trial = Master(two).held_at(states)
+    if trial is None:
+        return None
+    cost = trial.spent.copy()
+    cost[:-1] += Recourse(two, workers=os.cpu_count() or 1).at(trial.states).cost
+    return cost
+
+
+def _algorithm(program: StormProgram, wanted: str | None) -> str:
+    two = program.two
+    if any(structure.kind == "cone" for structure in two.first.structures):
+        raise UsageError(
+            "two-stage programs are linear and cannot hold the cones of distflow; "
+            "allowed: copperplate, lindistflow",
+            hint="certify the plan by AC power flow afterwards",
+        )
+    if wanted is not None and wanted not in ALGORITHMS:
+        raise UsageError(
+            f"algorithm {wanted!r} is unknown; allowed: {', '.join(ALGORITHMS)}",
+            hint="leave it out: the number of scenarios decides",
+        )
+    columns = two.tree.n * two.first.forms[0].n_own
+    few = program.storms.n < FEW_STORMS
+    small = few and (columns <= FEW_COLUMNS or bool(two.first.integer.any()))
+    return wanted or ("extensive" if small else "lshaped")
+
+
+def _kept(two: TwoStage, found: Solved, algorithm: str, options: Options, clock: Clock) -> Solved:
+    """The plan with every mode that it broke held to its larger side, and polygons within discs
+    where one was exceeded; as it was where that cannot be.
+    """
+    begun = found
+    held: list[Ints] = []
+    holds: dict[int, list[Ints]] = {}
+    for k in range(MODE_ROUNDS):
+        broken, wide = False, False
+        for chain, (problem, z) in _pieces(two, found).items():
+            elements = violated(problem, z)
+            wide = wide or widest(problem, z, "disc") > CLOSED
+            if elements:
+                broken = True
+                (held if chain < 0 else holds.setdefault(chain, [])).append(
+                    sides(problem, z, elements)[0]
+                )
+        if not (broken or wide):
+            return found
+        ends = [two.first.state_columns(node) for node in range(two.trunk)]
+        again = replace(
+            options,
+            time_limit=max(clock.left, 1.0),
+            start=found.trunk[np.array(ends, np.intp)],
+            discs="inner",
+            held=np.concatenate([np.empty(0, np.intp), *held]),
+            holds={chain: np.concatenate(at) for chain, at in holds.items()},
+        )
+        try:
+            with phase("modes", f"round {k + 1}"):
+                found = ALGORITHMS[algorithm](two, again)
+        except InfeasibleError:
+            return begun
+    return found
+
+
+def _pieces(two: TwoStage, found: Solved) -> dict[int, tuple[Standard, Floats]]:
+    """The trunk as -1 and every chain by its number, with what it is a point of."""
+    pieces = {-1: (two.first, found.trunk)}
+    for k, (chain, z) in enumerate(zip(two.chains, found.points, strict=True)):
+        pieces[k] = two.programs[chain.program], z
+    return pieces
+
+
+def _left(two: TwoStage, found: Solved) -> list[str]:
+    """What the plan leaves relaxed: of the trunk, and of how many scenarios."""
+    lines, scenarios = [], 0
+    for k, (problem, z) in _pieces(two, found).items():
+        left = remains(problem, z)
+        if k < 0:
+            lines += [f"common slots: {line}" for line in left]
+        scenarios += k >= 0 and bool(left)
+    if scenarios:
+        lines.append(f"recourse: modes, ratings or integers do not hold in {scenarios} scenarios")
+    return lines

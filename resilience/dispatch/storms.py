@@ -1,0 +1,222 @@
+"""A case and its outage scenarios as a two-stage program.
+
+The trunk is what to do as long as nothing unforeseen happens: its lines are down where they are
+down in every scenario, and nowhere else. A scenario leaves it in the slot in which its own outage
+shows, which is seen at the start of that slot. A trunk that ends after a given number of slots,
+common to all, is the textbook's first stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from resilience.case import Case, Outage
+from resilience.dispatch.twostage import IN, TwoStage
+from resilience.errors import UsageError
+from resilience.fragility.scenarios import Scenarios
+from resilience.models.algebra import Floats, Ints
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import lower
+from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.problem import Problem
+from resilience.models.risk import Risk
+from resilience.models.standard import Standard
+from resilience.models.tree import Cut, Tree
+from resilience.models.unroll import unroll
+
+Bools = np.ndarray
+
+
+@dataclass(frozen=True)
+class Storms:
+    """Scenarios, each kept once, in an order in which neighbours are alike.
+
+    Attributes:
+        line_up: (lines of the case, slots, storms) False where a line is down.
+        probability: (storms,) of each.
+        of: (scenarios,) which storm every scenario is.
+        number: (storms,) the first of its scenarios.
+    """
+
+    line_up: Bools
+    probability: Floats
+    of: Ints
+    number: Ints
+
+    @classmethod
+    def among(cls, scenarios: Scenarios, case: Case) -> Storms:
+        """The different ones among some scenarios."""
+        up = scenarios.line_up(case.network.line_names)
+        # Slot by slot, so that storms that begin alike lie side by side.
+        path = np.packbits(~up.transpose(2, 1, 0).reshape(scenarios.n, -1), axis=1)
+        _, first, of = np.unique(path, axis=0, return_index=True, return_inverse=True)
+        chance = np.zeros(len(first))
+        np.add.at(chance, of.ravel(), scenarios.probability)
+        return cls(up[:, :, first], chance, of.ravel(), first)
+
+    @property
+    def n(self) -> int:
+        """Number of storms."""
+        return len(self.probability)
+
+    @property
+    def common(self) -> Bools:
+        """(lines, slots) False where a line is down in all of them."""
+        return np.asarray(self.line_up.any(axis=2))
+
+    def leaving(self) -> Ints:
+        """(storms,) first slot in which each differs from `common`; past the end: none."""
+        apart = (self.line_up != self.common[:, :, None]).any(axis=0)
+        found: Ints = np.where(apart.any(axis=0), apart.argmax(axis=0), len(apart))
+        return found
+
+
+@dataclass(frozen=True)
+class StormProgram:
+    """The two-stage program of a case and its storms.
+
+    Attributes:
+        two: trunk, chains and data.
+        storms: the storms; `leaves` says in which slot each leaves the trunk.
+        chain: (storms,) index in `two.chains` of every storm, -1 for the one that stays.
+        slot: (nodes of the tree,) slot of every node.
+    """
+
+    grid: Microgrid
+    two: TwoStage
+    storms: Storms
+    leaves: Ints
+    chain: Ints
+    slot: Ints = field(repr=False)
+
+    def mean_states(self) -> Floats | None:
+        """(trunk nodes, states) of the plan for mean data: what a planner without scenarios does.
+
+        None where mean data has no plan.
+        """
+        chance = self.two.tree.probability
+        data = {}
+        for name, values in self.two.data.items():
+            wide = np.broadcast_to(values, (len(values), self.two.tree.n))
+            sums = [np.bincount(self.slot, chance * row, self.slots) for row in wide]
+            data[name] = np.array(sums).reshape(len(values), self.slots)
+        problem = self.full()
+        solver = Highs(lower(problem, integer=np.zeros(problem.n_columns, bool), exact={}))
+        solver.update(problem.vectors(data, self.two.x0))
+        z = solver.solve().z
+        ends = [problem.state_columns(t) for t in range(self.two.trunk)]
+        return None if z is None else z[np.array(ends, np.intp)]
+
+    @property
+    def slots(self) -> int:
+        """Slots of the horizon."""
+        return self.grid.case.slots
+
+    def full(self) -> Standard:
+        """The whole horizon as one chain: what a storm's trunk and chain make together."""
+        labels = [self.grid.case.slot_label(t) for t in range(self.slots)]
+        return unroll(self.two.stages, Tree.chain(labels), self.two.cuts)
+
+    def problem(self, storm: int, full: Standard) -> Problem:
+        """The whole horizon of one storm, with its data."""
+        situation = self.grid.situation(self.storms.line_up[:, :, storm])
+        return Problem(self.grid, full, situation, self.grid.data(situation), dict(self.two.x0))
+
+    @property
+    def trunk(self) -> Problem:
+        """The common slots, with their data."""
+        at = np.arange(self.two.trunk)
+        case = self.grid.case
+        situation = self.grid.situation(
+            self.storms.common[:, at], lambda name: case.profile(name)[at]
+        )
+        return Problem(self.grid, self.two.first, situation, self.two.first_data, dict(self.two.x0))
+
+
+def storm_grid(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
+    """The microgrid in which every line of the scenarios can fail."""
+    hit = {outage.line for outage in case.outages}
+    more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
+    return microgrid(case.replace(outages=(*case.outages, *more)) if more else case, physics)
+
+
+def storm_program(
+    grid: Microgrid,
+    storms: Storms,
+    *,
+    common_slots: int | None = None,
+    risk: Risk | None = None,
+) -> StormProgram:
+    """The two-stage program.
+
+    Args:
+        grid: the microgrid, see `storm_grid`.
+        storms: its storms.
+        common_slots: slots after which every storm goes its own way; None: each leaves the trunk
+            when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.
+        risk: the objective over storms, expected cost if omitted.
+
+    Raises:
+        UsageError: storms that differ within the slots that are to be common.
+    """
+    case = grid.case
+    leaves = storms.leaving()
+    if common_slots is not None:
+        _check_common(case, storms, leaves, common_slots)
+        leaves = np.full(storms.n, common_slots)
+    trunk = max(int(min(leaves.max(), case.slots)), 1)
+    stays = leaves >= case.slots
+    tree, slot, chain = _comb(case, storms, leaves, trunk)
+    line_up = np.empty((len(storms.line_up), tree.n), bool)
+    line_up[:, :trunk] = storms.common[:, :trunk]
+    for k in np.flatnonzero(~stays):
+        nodes = slice(*_span(leaves, stays, trunk, case.slots, int(k)))
+        line_up[:, nodes] = storms.line_up[:, leaves[k] :, k]
+    situation = grid.situation(line_up, lambda name: case.profile(name)[slot])
+    value = case.terminal_value_per_mwh
+    cuts = [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})] if value and case.ess else []
+    two = TwoStage(
+        [grid.stage(case.step_h)], tree, trunk, grid.data(situation), grid.start(), cuts,
+        risk or Risk(),
+    )  # fmt: skip
+    return StormProgram(grid, two, storms, leaves, chain, slot)
+
+
+def _span(leaves: Ints, stays: Bools, trunk: int, slots: int, storm: int) -> tuple[int, int]:
+    """First and last + 1 node of a storm's chain."""
+    lengths = np.where(stays, 0, slots - leaves)
+    start = trunk + int(lengths[:storm].sum())
+    return start, start + int(lengths[storm])
+
+
+def _comb(case: Case, storms: Storms, leaves: Ints, trunk: int) -> tuple[Tree, Ints, Ints]:
+    """The tree, the slot of every node, and the number of every storm's chain."""
+    stays = leaves >= case.slots
+    chance, names = storms.probability, [case.slot_label(t) for t in range(case.slots)]
+    on = [chance[leaves > t].sum() for t in range(trunk)]
+    parent, slot, weight = [np.arange(trunk) - 1], [np.arange(trunk)], [np.array(on)]
+    labels, chain, at, n = names[:trunk], np.full(storms.n, -1), 0, trunk
+    for k in np.flatnonzero(~stays):
+        length = case.slots - int(leaves[k])
+        parent.append(np.concatenate([[leaves[k] - 1], n + np.arange(length - 1)]))
+        slot.append(np.arange(leaves[k], case.slots))
+        weight.append(np.full(length, chance[k]))
+        labels += [f"{name}{IN}scenario {storms.number[k]}" for name in names[leaves[k] :]]
+        chain[k] = at
+        at, n = at + 1, n + length
+    joined = np.concatenate(parent)
+    tree = Tree(joined, np.concatenate(weight), np.zeros(n, np.intp), tuple(labels))
+    return tree, np.concatenate(slot), chain
+
+
+def _check_common(case: Case, storms: Storms, leaves: Ints, common_slots: int) -> None:
+    first = int(leaves.min())
+    if not 0 <= common_slots < case.slots or common_slots > first:
+        k = int(leaves.argmin())
+        raise UsageError(
+            f"{common_slots} common slots; allowed: 0 to {min(first, case.slots - 1)}, because "
+            f"scenario {storms.number[k]} has an outage of its own from slot {first} on",
+            hint="leave it out: each scenario then leaves when its own outage shows",
+        )

@@ -1,0 +1,118 @@
+"""A plan over scenarios as text for a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from rich import box
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from resilience.dispatch.scenario_plan import ScenarioPlan
+from resilience.models.algebra import Floats
+from resilience.report import GOOD, percent
+
+ROWS = 12  # of the common schedule: more would not be read
+
+
+def print_scenario_plan(plan: ScenarioPlan, console: Console) -> None:
+    """Prints the plan: costs and bound, the common schedule, scenarios, certificate, time."""
+    console.print(_verdict(plan))
+    for part in (_schedule(plan), _over_scenarios(plan), _certificate(plan)):
+        console.print()
+        console.print(part)
+
+
+def _verdict(plan: ScenarioPlan) -> Text:
+    style = "bold green" if plan.status == "optimal" and not plan.relaxed else "bold yellow"
+    text = Text.assemble((plan.name, "bold"), "  ", plan.method, " on ", plan.physics, "  ")
+    status = f"{plan.status} for a relaxation" if plan.relaxed else plan.status
+    text.append("simulated" if plan.algorithm == "simulation" else status, style)
+    text.append(f"\nobjective {plan.objective:.4f} $: {plan.risk} over {plan.scenarios} scenarios")
+    if plan.different < plan.scenarios:
+        text.append(f", {plan.different} of them different")
+    text.append(f"\nproven bound {plan.bound:.4f} $ ({plan.bound_of}), gap {percent(plan.gap)}")
+    return text
+
+
+def _grid(title: str, rows: Iterable[tuple[str, ...]], heads: Iterable[str]) -> Table:
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k == 0)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _schedule(plan: ScenarioPlan) -> RenderableType:
+    """The common schedule, in as many steps of equal length as can be read."""
+    case, n = plan.case, plan.common_slots
+    if case is None:
+        return Text("without its case, the common schedule cannot be summed up")
+    width = max(-(-n // ROWS), 1)
+    starts = np.arange(0, n, width)
+    power = plan.tables["power"]
+
+    def mean(names: Iterable[str]) -> Floats:
+        rows = [power.labels.index(name) for name in names]
+        total = power.values[rows].sum(0)
+        return np.add.reduceat(total, starts) / np.diff(np.append(starts, n))
+
+    columns = [mean(t.name for t in case.ess), mean(t.name for t in case.generator)]
+    columns += [mean(t.name for t in case.grid)]
+    ends = np.append(starts[1:], n) - 1
+    stored = plan.tables["energy"].values.sum(0)[ends] if case.ess else np.zeros(len(ends))
+    staying = plan.tables["staying"].values[0][starts]
+    rows = [
+        (
+            case.slot_label(int(t)),
+            *(f"{column[k]:+.3f}" for column in columns),
+            f"{stored[k]:.3f}",
+            f"{100 * staying[k]:.1f}",
+        )
+        for k, t in enumerate(starts)
+    ]
+    heads = ["from", "storage MW", "generators MW", "grid MW", "stored MWh", "% here"]
+    hours = n * plan.step_min / 60.0
+    title = f"Common schedule, {hours:g} h: what to do until an outage shows"
+    return _grid(title, rows, heads)
+
+
+def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
+    energy = plan.episodes["end_energy_mwh"]
+    p = plan.episodes["probability"]
+    rows = [
+        ("expected cost", f"{plan.expected_cost:.4f} $"),
+        ("CVaR 95 %", f"{plan.cvar_95_cost:.4f} $"),
+        ("worst", f"{plan.worst_cost:.4f} $"),
+        ("expected shedding", f"{plan.expected_shed_mwh:.4f} MWh"),
+        ("probability of shedding", f"{100 * plan.shed_probability:.2f} %"),
+        ("energy left, expected", f"{float(p @ energy):.3f} MWh"),
+        ("value of perfect information", f"{plan.value_of_perfect_information:.4f} $"),
+    ]
+    if plan.value_of_stochastic_solution is not None:
+        more = f"{plan.value_of_stochastic_solution:.4f} $"
+        rows.append(("value of the stochastic solution", more))
+    return _grid("Over scenarios", rows, ["", ""])
+
+
+def _certificate(plan: ScenarioPlan) -> Text:
+    text = Text()
+    if plan.relaxed:
+        text.append("relaxed, and not satisfied by this plan:\n", "bold red")
+        for line in plan.relaxed:
+            text.append(f"  {line}\n", "red")
+    elif plan.audit:
+        text.append(f"satisfies the whole {plan.physics} model in every scenario\n", "green")
+    if plan.audit:
+        worst = max(plan.audit.values())
+        text.append("audit: worst scaled violation ")
+        text.append(f"{worst:.1e}", "green" if worst <= GOOD else "red")
+        text.append(f" at {plan.audit_worst}\n")
+    for note in plan.notes:
+        text.append(f"note: {note}\n", "yellow")
+    phases = ", ".join(f"{name} {s:.2f}" for name, s in plan.seconds_by_phase.items())
+    text.append(f"time: {plan.seconds:.2f} s ({plan.algorithm}; {phases})", "dim")
+    return text

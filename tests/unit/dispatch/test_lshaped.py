@@ -1,0 +1,129 @@
+"""The L-shaped method against the extensive form, on random programs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from resilience.dispatch.extensive import extensive
+from resilience.dispatch.lshaped import Options, lshaped
+from resilience.dispatch.recourse import Recourse
+from resilience.dispatch.twostage import TwoStage
+from resilience.errors import InfeasibleError
+from resilience.models.risk import Risk
+from resilience.models.stage import Stage
+from resilience.models.tree import Cut, Tree
+
+STATES = ("a", "b")
+TIGHT = Options(gap=1e-9)
+
+
+def stage(rng: np.random.Generator) -> Stage:
+    """Two stores, filled at a price, that serve demands; what is missing is bought dearly."""
+    made = Stage(1.0)
+    now, after = made.state("store", STATES, 0.0, [3.0, 2.0], unit="1")
+    demand, price = made.data("demand", STATES), made.data("price", STATES)
+    fill = made.var("fill", STATES, 0.0, 1.5)
+    use = made.var("use", STATES, 0.0, 2.0)
+    short = made.var("short", STATES, 0.0, 9.0)
+    made.eq("stores", after, now * rng.uniform(0.8, 1.0, 2) + fill - use)
+    mixing = np.eye(2) + rng.uniform(0.0, 0.3, (2, 2))
+    made.le("serve", demand, use.mapped(mixing) + short)
+    made.cost("filling", fill, price)
+    made.cost("missing", short, rng.uniform(4.0, 9.0, 2))
+    made.cost("holding", now, rng.uniform(0.0, 0.2, 2))  # a price of the states themselves
+    return made
+
+
+def program(
+    seed: int, risk: Risk | None = None, *, trunk: int = 3, chains: int = 6, apart: bool = True
+) -> TwoStage:
+    """A trunk, and chains of random weight that leave it anywhere, the start included."""
+    rng = np.random.default_rng(seed)
+    leaves = rng.integers(-1, trunk - 1, chains) if apart else np.full(chains, trunk - 1)
+    horizon = trunk + 3
+    weight = rng.random(chains + 1) + 0.2
+    weight /= weight.sum()
+    if not apart:
+        weight[:-1] /= weight[:-1].sum()
+        weight[-1] = 0.0
+    parent, chance = list(range(-1, trunk - 1)), []
+    for t in range(trunk):
+        chance.append(weight[-1] + weight[:-1][leaves >= t].sum())
+    labels, slots = [f"t{t}" for t in range(trunk)], list(range(trunk))
+    for k in range(chains):
+        for t in range(leaves[k] + 1, horizon):
+            parent.append(int(leaves[k]) if t == leaves[k] + 1 else len(parent) - 1)
+            chance.append(weight[k])
+            labels.append(f"t{t} in scenario {k}")
+            slots.append(t)
+    kinds = (np.array(slots) >= horizon - 2).astype(int)  # the last two steps are of another stage
+    tree = Tree(np.array(parent), np.array(chance), kinds, tuple(labels))
+    data = {
+        "demand": rng.uniform(0.0, 3.0, (2, tree.n)),
+        "price": rng.uniform(0.5, 3.0, (2, tree.n)),
+    }
+    value = Cut(0.0, {"store": np.array([-0.7, -0.4])})
+    start = {"store": np.array([1.0, 0.5])}
+    return TwoStage([stage(rng), stage(rng)], tree, trunk, data, start, [value], risk or Risk())
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("risk", [Risk(), Risk(0.7, 0.5), Risk(0.5, 1.0)], ids=str)
+def test_it_is_the_extensive_form(seed: int, risk: Risk) -> None:
+    two = program(seed, risk, apart=seed % 2 == 0)
+    cut, whole = lshaped(two, TIGHT), extensive(two, TIGHT)
+    assert cut.objective == pytest.approx(whole.objective, rel=1e-8)
+    assert cut.bound == pytest.approx(whole.objective, rel=1e-8)
+    assert cut.bound <= cut.objective
+    for found in (cut, whole):
+        assert found.probability.sum() == pytest.approx(1.0)
+        assert risk.of(found.cost, found.probability) == pytest.approx(found.objective)
+
+
+def test_a_start_changes_the_way_and_not_the_end() -> None:
+    two = program(3)
+    states = np.full((two.trunk, 2), 0.4)
+    found = lshaped(two, Options(gap=1e-9, start=states))
+    assert found.start_cost is not None
+    assert two.risk.of(found.start_cost, found.probability) >= found.objective
+    assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_cuts_hold_everywhere_and_touch_where_they_were_made(seed: int) -> None:
+    two, rng = program(seed, chains=8), np.random.default_rng(seed)
+    recourse, n = Recourse(two), len(two.chains)
+    here = rng.uniform(0.0, 2.0, (n, 2))
+    made = recourse.at(here)
+    assert made.alpha + (made.beta * here).sum(1) == pytest.approx(made.cost, abs=1e-7)
+    for _ in range(10):
+        there = rng.uniform(0.0, 2.0, (n, 2))
+        cost = recourse.at(there).cost
+        assert (made.alpha + (made.beta * there).sum(1) <= cost + 1e-9).all()
+
+
+def test_the_result_does_not_depend_on_the_number_of_workers() -> None:
+    two = program(5, chains=70)
+    one, many = (lshaped(two, Options(gap=1e-6, workers=workers)) for workers in (1, 3))
+    assert (one.trunk == many.trunk).all()
+    assert (one.cost == many.cost).all()
+    assert one.bound == many.bound
+
+
+def test_a_time_limit_gives_the_best_so_far_with_its_bound() -> None:
+    two = program(4, chains=12)
+    best = extensive(two, TIGHT).objective
+    found = lshaped(two, Options(gap=1e-12, time_limit=0.0))
+    assert found.bound <= best + 1e-7
+    assert found.objective >= best - 1e-7
+
+
+@pytest.mark.parametrize("solve", [lshaped, extensive])
+def test_a_scenario_without_recourse_is_named(solve: object) -> None:
+    two = program(1, chains=5)
+    data = {name: values.copy() for name, values in two.data.items()}
+    data["demand"][:, two.chains[3].nodes[-1]] = 99.0
+    broken = TwoStage(two.stages, two.tree, two.trunk, data, two.x0, two.cuts)
+    with pytest.raises(InfeasibleError, match="in scenario 3"):
+        solve(broken, TIGHT)  # type: ignore[operator]
