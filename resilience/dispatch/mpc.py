@@ -1,103 +1,106 @@
-"""Rolling optimisation over a short window, and the clairvoyant bound over the whole horizon."""
+"""Rolling optimisation: the paper's blind window, and one with a terminal value and a reserve."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
+from resilience.dispatch.memory import Memory
+from resilience.dispatch.reserve import Reserve, reserve_price
+from resilience.dispatch.rolling import Program, Steps, Window
+from resilience.dispatch.value import stored_energy_value
+from resilience.fragility.belief import Belief, case_belief
 from resilience.models.algebra import Floats
-from resilience.models.backends.highs import Highs
-from resilience.models.backends.lower import lower
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.microgrid import microgrid
 
 PAPER_SLOTS = 8
 
 
-class MPC:
-    """Solves a window of slots, applies its first decision, and moves on.
+class BlindMPC:
+    """The paper's baseline: 8 slots, the present line status throughout, no terminal value.
 
-    It takes the present line status for the whole window: it is blind to outages to come, and to
-    the end of one that has begun. Profiles within the window are known. The paper's baseline has
-    8 slots and no terminal value, so it drains the storage; `value_per_mwh` mends that.
+    It is blind to outages to come and to the end of one that has begun, and drains the storage.
 
     Args:
         world: where it acts.
         slots: length of the window.
         value_per_mwh: what energy left at the end of the window is worth, $/MWh.
-        name: how it is called in reports.
     """
 
-    def __init__(
-        self, world: World, slots: int = PAPER_SLOTS, value_per_mwh: float = 0.0, name: str = ""
-    ) -> None:
-        self.world, self.slots = world, slots
-        self.name = name or ("mpc" if value_per_mwh else "mpc-blind")
-        grid = world.grid
-        cut = Cut(0.0, {"ess.energy": np.full(len(grid.case.ess), -value_per_mwh)})
-        tree = Tree.chain([f"+{k}" for k in range(slots)])
-        stage = grid.stage(grid.case.step_h)
-        self.problem = unroll([stage], tree, [cut] if value_per_mwh else [])
-        self.solver = Highs(lower(self.problem, exact={}), duals=False)
-        self.first = [self.problem.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
+    def __init__(self, world: World, slots: int = PAPER_SLOTS, value_per_mwh: float = 0.0) -> None:
+        self.name, self.world = "mpc-blind", world
+        self.program = Program(aggregate(world.grid.case), Steps(slots, 0), 1)
+        self.value = np.full(len(world.grid.case.ess), value_per_mwh)
 
     def act(self, seen: Observation) -> Floats:
         """The first slot of each scenario's window."""
-        case = self.world.grid.case
-        at = np.minimum(seen.t + np.arange(self.slots), case.slots - 1)
         found = np.empty_like(seen.energy)
         for k in range(seen.energy.shape[1]):
-            up = np.repeat(seen.line_up[:, [k]], self.slots, axis=1)
-            situation = self.world.grid.situation(up, lambda name: case.profile(name)[at])
-            data = self.world.grid.data(situation)
-            self.solver.update(self.problem.vectors(data, {"ess.energy": seen.energy[:, k]}))
-            z = self.solver.solve().point
-            found[:, k] = z[self.first[0]] - z[self.first[1]]
+            up = np.repeat(seen.line_up[:, [k]], self.program.steps.n, axis=1)[:, :, None]
+            asked = Window(
+                seen.t, seen.energy[:, k], up, np.ones(1), seen.forecast_of(k), self.value
+            )
+            found[:, k] = self.program.decide(asked)
         return found
 
 
-@dataclass(frozen=True)
-class Bound:
-    """The clairvoyant optimum per scenario: nobody without foreknowledge can cost less.
+class MPC:
+    """Eight slots and ten hours ahead, with a terminal value and a reserve for the storm.
 
-    Attributes:
-        objective: (scenarios,) $: cost less the worth of the energy left at the end.
-        charging: (units, slots, scenarios) MW, the decisions that reach it.
+    Energy at the end is worth what the prices of the case say (`value`); while a storm may cut a
+    bus off, being short of what its loads would lack is priced (`reserve`). A line that is down is
+    expected back after the mean time that its age allows; failures to come are in the reserve
+    only.
+
+    Args:
+        world: where it acts.
+        belief: in outages to come; the case's own if omitted.
+        steps: of the window.
     """
 
-    objective: Floats
-    charging: Floats
-
-
-def clairvoyant(world: World, value_per_mwh: float) -> Bound:
-    """Solves every scenario over the whole horizon with its outages known in advance."""
-    grid, scenarios = world.grid, world.scenarios
-    case = grid.case
-    cut = Cut(0.0, {"ess.energy": np.full(len(case.ess), -value_per_mwh)})
-    tree = Tree.chain([f"t{t}" for t in range(case.slots)])
-    problem = unroll([grid.stage(case.step_h)], tree, [cut] if value_per_mwh else [])
-    solver = Highs(lower(problem, exact={}))
-    charge, discharge = (problem.columns(f"ess.{way}") for way in ("charge", "discharge"))
-    objective = np.empty(scenarios.n)
-    charging = np.empty((*charge.shape, scenarios.n))
-    for k in range(scenarios.n):
-        data = grid.data(grid.situation(world.line_up[:, :, k]))
-        solver.update(problem.vectors(data, grid.start()))
-        found = solver.solve()
-        objective[k] = solver.certified_bound(found)
-        charging[:, :, k] = found.point[charge] - found.point[discharge]
-    return Bound(objective, charging)
-
-
-class Replay:
-    """Does what it was told in advance: a plan, or the clairvoyant's decisions."""
-
-    def __init__(self, name: str, charging: Floats) -> None:
-        self.name, self.charging = name, charging
+    def __init__(
+        self, world: World, belief: Belief | None = None, steps: Steps | None = None
+    ) -> None:
+        self.name, self.world, self.steps = "mpc", world, steps or Steps()
+        case, small = world.grid.case, aggregate(world.grid.case)
+        self.belief = belief or case_belief(case, world.scenarios.lines)
+        self.memory = Memory(world, self.belief.daily)
+        self.reserve = Reserve(microgrid(case, "copperplate"), world.scenarios.lines)
+        self.program = Program(small, self.steps, 1, self.reserve)
+        self.value = stored_energy_value(case, world.end_value_per_mwh)
+        self.price = reserve_price(case)
+        self.longest = self.belief.longest_slots
 
     def act(self, seen: Observation) -> Floats:
-        """(units, batch) the decisions of slot t."""
-        found: Floats = self.charging[:, seen.t]
+        """The first slot of each scenario's window."""
+        self.memory.update(seen)
+        found = np.empty_like(seen.energy)
+        for k in range(seen.energy.shape[1]):
+            found[:, k] = self.program.decide(self._asked(seen, k))
         return found
+
+    def _asked(self, seen: Observation, k: int) -> Window:
+        steps, memory = self.steps, self.memory
+        known = memory.known(seen, k)
+        up = np.ones((len(seen.line_up), steps.horizon), bool)
+        up[:, 0] = seen.line_up[:, k]
+        for line, left in zip(memory.lines, self.belief.expected_left(known), strict=True):
+            up[line, 1 : 1 + left] = False
+        status = np.minimum.reduceat(up, steps.starts, axis=1)
+        end = min(seen.t + steps.horizon, self.world.grid.case.slots)
+        reserve = self._reserve(seen, k)
+        now, forecast = seen.energy[:, k], seen.forecast_of(k)
+        value = self.value[:, end]
+        return Window(seen.t, now, status[:, :, None], np.ones(1), forecast, value, reserve)
+
+    def _reserve(self, seen: Observation, k: int) -> tuple[Floats, Floats]:
+        """(buses with storage, steps) level and price, for a failure after each step's end."""
+        steps, memory, reserve = self.steps, self.memory, self.reserve
+        chance = self.belief.chances(memory.known(seen, k), steps.horizon)
+        cut_off = reserve.cut_off(chance)
+        price = self.price * np.add.reduceat(cut_off, steps.starts, axis=1)
+        lack = reserve.lack(seen.forecast_of(k), seen.t + 1, steps.horizon + self.longest)
+        level = reserve.level(lack, self.longest)
+        ends = np.minimum(steps.starts + steps.width - 1, steps.horizon - 1)
+        return level[:, ends], price

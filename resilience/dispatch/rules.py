@@ -36,8 +36,9 @@ class Greedy:
     def act(self, seen: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
         world, simulator = self.world, self.world.simulator
-        data = world.grid.data(world.situation(seen.t))
-        low, high = simulator.limits(seen.energy, simulator.stacked(data))
+        now = world.slot(seen.t)
+        data = now.data
+        low, high = simulator.limits(seen.energy, now.stacked)
         net = np.zeros(seen.island.shape)
         loads, plants = world.grid.case.load, world.grid.case.pv
         np.add.at(net, world.grid.at(loads), data["load.demand"] - data["load.shed_min"])

@@ -1,0 +1,146 @@
+r"""A soft reserve of stored energy, bus by bus, for as long as a storm may cut the bus off.
+
+$$ z_i \ge R_i(\tau) - \sum_{u \in i} e_u(\tau), \qquad z_i \ge 0, \qquad
+C = \rho \sum_{i, \tau} P_i(\tau)\, z_i(\tau) $$
+
+$i$ are the buses of the merged graph that hold storage: what is left together whatever fails. $R_i$
+is the energy that its loads lack beyond PV and generators during the longest outage that begins in
+step $\tau$, as far as storage can hold and give it; $P_i$ the probability that the bus is cut off
+from the grid in that step. Above the price of shedding, load would be shed to keep a reserve; below
+the marginal generator, none would be kept. So the price $\rho$ lies between them: the case's
+`reserve_price_per_mwh`, or their mean.
+
+| symbol | name | unit |
+|---|---|---|
+| $z_i$ | `reserve.short` | MWh |
+| $R_i$ | `reserve.level` (data) | MWh |
+| $\rho P_i$ | `reserve.price` (data) | $/MWh |
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.case.reserve import reserve_price_range
+from resilience.dispatch.base import Forecast
+from resilience.models.algebra import Floats, Ints
+from resilience.models.microgrid import Microgrid
+from resilience.models.situation import Situation
+from resilience.models.stage import Stage
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+
+def reserve_price(case: Case) -> float:
+    """$ per MWh short: the case's own, or the mean of the marginal generator and shedding."""
+    if case.reserve_price_per_mwh is not None:
+        return case.reserve_price_per_mwh
+    low, high = reserve_price_range(case.generator, case.load)
+    return (low + high) / 2.0
+
+
+@dataclass(frozen=True)
+class Reserve:
+    """Rows and data of the reserve of a microgrid at copperplate; its lines are `lines`."""
+
+    grid: Microgrid
+    lines: tuple[str, ...]
+
+    @cached_property
+    def storage_bus(self) -> Ints:
+        """(units,) bus of the merged graph of every storage unit."""
+        return self.grid.at(self.grid.case.ess)
+
+    @cached_property
+    def buses(self) -> Ints:
+        """Buses that hold storage."""
+        return np.unique(self.storage_bus)
+
+    def emit(self, stage: Stage) -> None:
+        """What each bus is short of its reserve, at a price."""
+        of = [self.grid.network.bus_names[bus] for bus in self.buses]
+        level = stage.data("reserve.level", of, unit="MWh", about="energy wanted in storage")
+        price = stage.data("reserve.price", of, unit="$/MWh", about="price of being short of it")
+        short = stage.var("reserve.short", of, 0.0, np.inf, unit="MWh", about="short of reserve")
+        place = (self.buses[:, None] == self.storage_bus[None, :]).astype(float)
+        held = stage["ess.energy"].mapped(place, tuple(of))
+        stage.le("reserve", level - held, short)
+        stage.cost("reserve", short, price)
+
+    @cached_property
+    def cut_off_by(self) -> np.ndarray:
+        """(buses with storage, lines) lines whose failure alone parts the bus from every grid.
+
+        A bus that no single line can part depends on all of them.
+        """
+        grid, network = self.grid, self.grid.network
+        names = network.line_names
+        up = np.ones((len(names), len(self.lines)), bool)
+        for k, line in enumerate(self.lines):
+            if line in names:
+                up[names.index(line), k] = False
+        ends = np.stack([network.from_bus, network.to_bus])
+        island = Situation(grid.case.profile, names, ends, up, grid.forming, len(self.lines)).island
+        sources = grid.at(grid.case.grid)
+        apart = np.all(island[self.buses][:, None] != island[sources][None], axis=1)
+        apart[~apart.any(axis=1)] = True
+        return np.asarray(apart)
+
+    def cut_off(self, chance: Floats) -> Floats:
+        """(buses, slots) probability of being cut off in a slot, from that of (lines, slots)."""
+        stays = np.log1p(-np.minimum(chance, 1.0 - 1e-12))
+        found: Floats = -np.expm1(self.cut_off_by @ stays)
+        return found
+
+    def lack(self, forecast: Forecast, start: int, slots: int) -> Floats:
+        """(buses with storage, slots) MW that loads want beyond PV and generators.
+
+        From slot `start` on; beyond the horizon its last slot is repeated.
+        """
+        at = np.minimum(start + np.arange(slots), self.grid.case.slots - 1)
+        names, peak, generators = self._net_demand
+        values = np.array([forecast(name, at) for name in names]).reshape(len(names), slots)
+        found: Floats = peak @ values - generators[:, None]
+        return found
+
+    @cached_property
+    def _net_demand(self) -> tuple[tuple[str | None, ...], Floats, Floats]:
+        """Profiles, MW of load less PV following each at every bus, MW of generators there."""
+        case, n = self.grid.case, len(self.grid.network.bus_names)
+        followed = [*(t.profile for t in case.load), *(t.profile for t in case.pv)]
+        names = tuple(dict.fromkeys(followed))
+        peak, generators = np.zeros((n, len(names))), np.zeros(n)
+        for bus, load in zip(self.grid.at(case.load), case.load, strict=True):
+            peak[bus, names.index(load.profile)] += load.p_max_mw
+        for bus, pv in zip(self.grid.at(case.pv), case.pv, strict=True):
+            peak[bus, names.index(pv.profile)] -= pv.p_max_mw
+        for bus, unit in zip(self.grid.at(case.generator), case.generator, strict=True):
+            generators[bus] += unit.p_max_mw
+        return names, peak[self.buses], generators[self.buses]
+
+    def level(self, lack: Floats, longest: int) -> Floats:
+        """(buses, slots) MWh wanted where an outage of `longest` slots may begin, floor included.
+
+        Args:
+            lack: (buses, slots + longest) MW that loads want beyond PV and generators, per bus with
+                storage.
+            longest: slots of the longest outage.
+        """
+        case, dt = self.grid.case, self.grid.case.step_h
+        units = self.buses[:, None] == self.storage_bus[None, :]
+        size = np.array([u.e_mwh for u in case.ess])
+        out = np.array([u.efficiency_discharge for u in case.ess])
+        give = units @ np.array([-u.p_min_mw for u in case.ess])
+        floor, full = (units @ (size * [getattr(u, k) for u in case.ess])
+                       for k in ("soc_min", "soc_max"))  # fmt: skip
+        loss = units @ (size * out) / np.maximum(units @ size, 1e-12)
+        power = np.clip(lack, 0.0, give[:, None])
+        total = np.concatenate([0.0 * power[:, :1], np.cumsum(power, axis=1)], axis=1)
+        energy = dt * (total[:, longest:] - total[:, :-longest]) / loss[:, None]
+        found: Floats = np.minimum(floor[:, None] + energy, full[:, None])
+        return found

@@ -1,0 +1,57 @@
+r"""What stored energy is worth, from the prices of the case alone.
+
+A MWh in storage at slot $t$ is worth the best that it can be sold for from then on, but never more
+than what another one could be bought for in the meantime:
+
+$$ V_t = \min\{b_t, \max\{s_t, V_{t+1}\}\}, \qquad b_t = c_t / \eta^\text{ch}, \qquad
+   s_t = (c_t - \lambda)\, \eta^\text{dis}, \qquad V_T = v $$
+
+It is what stands at the end of a dispatcher's horizon. Storms are left to those who look at them:
+within the horizon outages raise the value, behind it this is what a MWh is worth.
+
+| symbol | name | unit |
+|---|---|---|
+| $c_t$ | the cheapest import price, or the cheapest generator's without a grid | $/MWh |
+| $\lambda, \eta$ | `degradation_cost_per_mwh`, efficiencies of the unit | $/MWh, 1 |
+| $v$ | worth of energy left at the end | $/MWh |
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Floats
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+
+def energy_price(case: Case) -> Floats:
+    """(slots,) $ per MWh of the cheapest source that is always there: a grid, else a generator."""
+    if case.grid:
+        rows = [factor * case.profile(name) for factor, name in (g.import_price for g in case.grid)]
+        found: Floats = np.min(rows, axis=0)
+        return found
+    cheapest = min((unit.marginal_cost_per_mwh for unit in case.generator), default=0.0)
+    return np.full(case.slots, cheapest)
+
+
+def stored_energy_value(case: Case, end_value_per_mwh: float) -> Floats:
+    """(units, slots + 1) $ per MWh held at the start of every slot, and at the end of the last.
+
+    Args:
+        case: prices and storage.
+        end_value_per_mwh: what energy left at the end is worth.
+    """
+    price = energy_price(case)
+    units = len(case.ess)
+    wear = np.array([u.degradation_cost_per_mwh for u in case.ess])
+    buy = price / np.array([u.efficiency_charge for u in case.ess])[:, None]
+    out = np.array([u.efficiency_discharge for u in case.ess])[:, None]
+    sell = (price - wear[:, None]) * out
+    found = np.full((units, case.slots + 1), end_value_per_mwh)
+    for t in range(case.slots - 1, -1, -1):
+        found[:, t] = np.minimum(buy[:, t], np.maximum(sell[:, t], found[:, t + 1]))
+    return found

@@ -1,0 +1,75 @@
+"""The storm reserve by hand: who is cut off by what, how much they lack, and at what price."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small import small
+
+import resilience as rs
+from resilience.case import Case
+from resilience.dispatch.reserve import Reserve, reserve_price
+from resilience.models.microgrid import microgrid
+
+
+def chain(extra: tuple[tuple[int, int, float, float], ...] = (), **head: object) -> Case:
+    """A grid at bus 1, then two breakpoints in a row; a store behind each."""
+    lines = [(1, 2, 0.01, 0.01), (2, 3, 0.01, 0.01), *extra]
+    return small(
+        slots=8,
+        buses=3,
+        lines=lines,
+        about=[{"name": f"{i}-{j}", "breakpoint": True} for i, j, *_ in lines],
+        load=[
+            {"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0},
+            {"bus": "3", "p_max_mw": 3.0, "shed_cost_per_mwh": 8.0, "priority": 2.0},
+        ],
+        generator=[{"bus": "3", "p_max_mw": 1.0, "cost_per_mwh": 5.0}],
+        ess=[
+            {"bus": "2", "p_max_mw": 4.0, "e_mwh": 10.0, "soc_min": 0.1, "soc_max": 0.9},
+            {"bus": "3", "p_max_mw": 1.5, "e_mwh": 10.0, "efficiency_discharge": 0.5},
+        ],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+        **head,  # type: ignore[arg-type]
+    )
+
+
+def reserve(case: Case) -> Reserve:
+    names = [n for n, b in zip(case.network.line_names, case.network.breakpoint, strict=True) if b]
+    return Reserve(microgrid(case, "copperplate"), tuple(names))
+
+
+def test_a_bus_is_cut_off_by_every_line_on_its_way_to_the_grid() -> None:
+    found = reserve(chain())
+    assert found.cut_off_by.tolist() == [[True, False], [True, True]]
+    chance = found.cut_off(np.array([[0.1, 0.0], [0.2, 0.5]]))
+    np.testing.assert_allclose(chance, [[0.1, 0.0], [1 - 0.9 * 0.8, 0.5]])
+
+
+def test_a_bus_in_a_ring_depends_on_all_lines() -> None:
+    found = reserve(chain(extra=((1, 3, 0.01, 0.01),)))
+    assert found.cut_off_by.all()
+
+
+def test_the_level_is_what_loads_lack_as_far_as_storage_gives_it() -> None:
+    """Bus 2 lacks 1 MW: 3 MWh in three slots, above a floor of 1 MWh. Bus 3 lacks 3 - 1 = 2 MW, of
+    which its store gives 1.5, so 4.5 MWh in three slots or 9 MWh in store at an efficiency of 0.5.
+    """
+    case = chain()
+    found = reserve(case)
+    lack = found.lack(lambda name, at: case.profile(name)[at], 0, 8)
+    np.testing.assert_allclose(lack, [[1.0] * 8, [2.0] * 8])
+    np.testing.assert_allclose(found.level(lack, 3), [[4.0] * 6, [9.0] * 6])
+    np.testing.assert_allclose(found.level(lack, 8), [[9.0], [10.0]])  # all that fits
+
+
+def test_the_price_lies_between_the_generator_and_shedding() -> None:
+    assert reserve_price(chain()) == pytest.approx((5.0 + 9.0) / 2)
+    case = rs.load_case("ieee33")
+    assert reserve_price(case) == pytest.approx((0.5 + 1.5) / 2)
+    assert reserve_price(case.replace(reserve_price_per_mwh=0.7)) == 0.7
+    for wrong in (0.5, 1.5, 2.0):
+        with pytest.raises(
+            rs.CaseError, match=r"above 0\.5, the dearest generator, and below 1\.5"
+        ):
+            case.replace(reserve_price_per_mwh=wrong)

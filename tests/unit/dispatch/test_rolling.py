@@ -1,0 +1,226 @@
+"""The programs behind rolling dispatch: trees, numbers, and what they decide by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small import small
+
+import resilience as rs
+from resilience.case import Case
+from resilience.dispatch.aggregate import aggregate
+from resilience.dispatch.base import Observation, World
+from resilience.dispatch.memory import Memory
+from resilience.dispatch.mpc import MPC
+from resilience.dispatch.rolling import Program, Steps, Window
+from resilience.dispatch.stochastic import Stochastic
+from resilience.fragility.bell import Bell
+from resilience.fragility.outages import sample_bell
+from resilience.fragility.scenarios import Scenarios
+from resilience.models.algebra import Floats, Ints
+from resilience.models.microgrid import microgrid
+from resilience.models.risk import Risk
+
+
+def exact(case: Case) -> object:
+    return lambda name, at: case.profile(name)[at]
+
+
+def feeder(shed: float = 10.0, **changes: object) -> Case:
+    """A grid at 1 $/MWh and, behind a breakpoint, 1 MW of load with an empty store."""
+    return small(
+        buses=2,
+        lines=[(1, 2, 0.01, 0.01)],
+        about=[{"name": "1-2", "breakpoint": True}],
+        load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": shed}],
+        ess=[{"bus": "2", "p_max_mw": 5.0, "e_mwh": 9.0, "soc_initial": 0.0}],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+        **changes,  # type: ignore[arg-type]
+    )
+
+
+def worn() -> Case:
+    """The feeder with a store that wears at 4 $/MWh."""
+    store = {"bus": "2", "p_max_mw": 5.0, "e_mwh": 9.0, "soc_initial": 0.0}
+    return small(
+        buses=2,
+        lines=[(1, 2, 0.01, 0.01)],
+        about=[{"name": "1-2", "breakpoint": True}],
+        load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 10.0}],
+        ess=[{**store, "degradation_cost_per_mwh": 4.0}],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+    )
+
+
+@pytest.mark.parametrize(
+    ("price", "dark", "charged"),
+    [(10.0, 0.5, 1.0), (0.8, 0.5, 0.0), (10.0, 0.01, 1.0), (0.5, 0.9, 0.0), (3.0, 0.1, 1.0)],
+)
+def test_a_fan_of_two_paths_equals_its_hand_solution(
+    price: float, dark: float, charged: float
+) -> None:
+    """One slot now, one later with an outage on one of two paths; 1 MW of demand in both.
+
+    A MWh bought now for 1 $ saves the shed price on the dark path and 1 $ on the other, so it is
+    bought where dark * price + (1 - dark) > 1: wherever shedding is dearer than the grid.
+    """
+    case = feeder(price)
+    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2)
+    up = np.ones((1, 2, 2), bool)
+    up[0, 1, 1] = False
+    share = np.array([1.0 - dark, dark])
+    asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+    assert program.decide(asked)[0] == pytest.approx(charged)
+
+
+def test_probabilities_weigh_a_cost_of_having_stored_in_vain() -> None:
+    """With wear of 4 $/MWh a MWh bought now saves 10 - 4 on the dark path and nothing on the other:
+    it is bought where dark * 6 > 1."""
+    case = worn()
+    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2)
+    up = np.ones((1, 2, 2), bool)
+    up[0, 1, 1] = False
+    for dark, charged in ((0.15, 0.0), (0.18, 1.0)):
+        share = np.array([1.0 - dark, dark])
+        asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        assert program.decide(asked)[0] == pytest.approx(charged)
+
+
+def test_the_worst_path_counts_double() -> None:
+    """As above, with a weight of 0.5 on CVaR 0.8: of dark = 0.1, all of the worst fifth's dark half
+    counts, so a MWh is bought where (0.5 * dark + 0.5 * dark / 0.2) * 6 > 1: at 0.1, not at 0.05.
+    The mean alone buys from 1 / 6 on.
+    """
+    case = worn()
+    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2, risk=Risk(0.8, 0.5))
+    up = np.ones((1, 2, 2), bool)
+    up[0, 1, 1] = False
+    for dark, charged in ((0.1, 1.0), (0.05, 0.0), (0.1, 1.0)):
+        share = np.array([1.0 - dark, dark])
+        asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        assert program.decide(asked)[0] == pytest.approx(charged)
+
+
+def test_energy_at_the_end_is_bought_below_its_value_only() -> None:
+    case = feeder(slots=6)
+    program = Program(aggregate(case), Steps(slots=2, blocks=1, block_slots=2), 1)
+    up = np.ones((1, 3, 1), bool)
+    for value, charged in ((0.9, 0.0), (1.1, 5.0)):
+        asked = Window(0, np.zeros(1), up, np.ones(1), exact(case), np.full(1, value))  # type: ignore[arg-type]
+        program.solver.update(program.vectors(asked))
+        z = program.solver.solve().point
+        bought = z[program.problem.columns("ess.charge")].sum()
+        assert (bought > 0.0) == (charged > 0.0)
+
+
+def test_steps_beyond_the_horizon_are_empty() -> None:
+    """At the last slot but one, two of six slots are left: the others cost and move nothing."""
+    case = feeder(slots=6)
+    program = Program(aggregate(case), Steps(slots=2, blocks=1, block_slots=4), 1)
+    up = np.ones((1, 3, 1), bool)
+    asked = Window(3, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))  # type: ignore[arg-type]
+    program.solver.update(program.vectors(asked))
+    found = program.solver.solve()
+    # Slots 3 and 4, and one of the block's four: 3 MWh at 1 $.
+    assert found.objective == pytest.approx(3.0)
+
+
+def test_a_tree_of_slots_and_blocks() -> None:
+    steps = Steps(slots=2, blocks=1, block_slots=4)
+    assert steps.horizon == 6
+    assert steps.starts.tolist() == [0, 1, 2]
+    assert steps.width.tolist() == [1, 1, 4]
+    tree = steps.tree(3)
+    assert tree.n == 7
+    assert tree.stage.tolist() == [0, 0, 1, 0, 1, 0, 1]
+    assert tree.parent.tolist() == [-1, 0, 1, 0, 3, 0, 5]
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    case = rs.load_case("ieee33-tou").replace(outages=())
+    return World.of(microgrid(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
+
+
+def seen(world: World, t: int) -> Observation:
+    energy = np.repeat(world.grid.start()["ess.energy"][:, None], world.scenarios.n, axis=1)
+    island = world.situation(t).island
+    centre = np.full(world.scenarios.n, 48)
+    return Observation(t, energy, world.line_up[:, t], island, centre, world.forecast(t))
+
+
+def test_devices_joined_dispatch_alike(world: World) -> None:
+    """The smaller program has the optimum of the whole case, at every slot of a stormy day."""
+    case, steps = world.grid.case, Steps(slots=3, blocks=2)
+    small_one = aggregate(case)
+    assert len(small_one.grid.case.load) == 4
+    assert len(small_one.grid.case.generator) == 4
+    whole = type(small_one)(microgrid(case, "copperplate"), {})
+    programs = [Program(which, steps, 2) for which in (small_one, whole)]
+    rng = np.random.default_rng(3)
+    for t in range(0, 96, 7):
+        up = np.ones((37, steps.n, 2), bool)
+        for line in ("1-2", "2-19", "3-23", "6-26"):
+            up[case.network.line(line), 1:] = rng.random((steps.n - 1, 2)) < 0.5
+        energy = world.grid.start()["ess.energy"] * rng.uniform(0.3, 1.7, 5)
+        value = rng.uniform(0.0, 0.5, 5)
+        asked = Window(t, energy, up, np.array([0.3, 0.7]), exact(case), value)  # type: ignore[arg-type]
+        best = []
+        for program in programs:
+            program.solver.update(program.vectors(asked))
+            best.append(program.solver.solve().objective)
+        assert best[0] == pytest.approx(best[1], rel=1e-9)
+
+
+def test_the_memory_of_outages_starts_anew_at_midnight(world: World) -> None:
+    memory = Memory(world)
+
+    def notice(t: int, failed: Ints) -> None:
+        up = np.ones((37, 3), bool)
+        up[memory.lines[1], failed] = False
+        blank: Floats = np.zeros((5, 3))
+        memory.update(Observation(t, blank, up, blank, np.zeros(3, int), world.forecast(0)))
+
+    notice(40, np.array([0]))
+    notice(41, np.array([0]))
+    assert memory.since[1].tolist() == [40, -1, -1]
+    notice(42, np.array([], int))
+    assert memory.since[1, 0] == -1
+    assert memory.spent[1, 0]
+    notice(96, np.array([], int))
+    assert not memory.spent.any()
+
+
+def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> None:
+    case = rs.load_case("ieee33-tou").replace(outages=())
+    noon = case.replace(start=case.start.replace(hour=12))
+    none = Scenarios(("1-2",), np.zeros((1, 96, 1), bool), np.ones(1))
+    memory = Memory(World.of(microgrid(noon, "copperplate"), none))
+    assert [memory.clock(t) for t in (0, 47, 48)] == [48, 95, 0]
+    assert [memory.day(t) for t in (0, 47, 48)] == [0, 0, 1]
+
+
+def test_paths_that_are_alike_become_one(world: World) -> None:
+    found = Stochastic(world, paths=30)
+    calm = seen(world, 0)
+    up, share = found._paths(calm, 0)
+    assert share.sum() == pytest.approx(1.0)
+    used = up[:, :, share > 0.0].reshape(37, -1, (share > 0.0).sum())
+    flat = used.reshape(-1, used.shape[2])
+    assert np.unique(flat, axis=1).shape[1] == flat.shape[1]
+    calm_bell = Stochastic(world, Bell(probability=0.0), paths=30)
+    assert calm_bell._paths(calm, 0)[1].tolist() == [1.0]
+
+
+def test_mpc_keeps_a_reserve_while_a_storm_may_come_and_sells_it_afterwards(world: World) -> None:
+    """At 18:00 of a storm centred at 18:00, energy is held; once the lines have failed and are back
+    it is sold at the evening's price."""
+    energies = []
+    for spent in (False, True):
+        mpc = MPC(world)
+        now = seen(world, 72)
+        mpc.memory.spent[:] = spent
+        evening = Observation(72, now.energy, np.ones((37, 3), bool), now.island * 0,
+                              np.full(3, 72), now.forecast)  # fmt: skip
+        energies.append(mpc.act(evening).sum())
+    assert energies[0] > energies[1] + 1.0

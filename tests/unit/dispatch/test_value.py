@@ -1,0 +1,58 @@
+"""What a MWh in storage is worth: hand values, and every way of selling it, one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small import small
+
+from resilience.case import Case
+from resilience.dispatch.value import energy_price, stored_energy_value
+
+
+def trader(prices: list[float]) -> Case:
+    """Efficiencies of 0.9 and 0.8, and wear of 1 $/MWh."""
+    return small(
+        slots=len(prices),
+        columns={"price": [p / 60.0 for p in prices]},
+        load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1e3}],
+        ess=[
+            {
+                "p_max_mw": 1.0,
+                "e_mwh": 4.0,
+                "efficiency_charge": 0.9,
+                "efficiency_discharge": 0.8,
+                "degradation_cost_per_mwh": 1.0,
+            }
+        ],
+        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 60.0, "price_profile": "price"}],
+    )
+
+
+def test_night_day_and_evening_by_hand() -> None:
+    """Sold for (31 - 1) * 0.8 = 24 in the evening; by day another one costs 18 / 0.9 = 20, at night
+    9 / 0.9 = 10."""
+    value = stored_energy_value(trader([9.0, 18.0, 31.0]), 5.0)
+    np.testing.assert_allclose(value, [[10.0, 20.0, 24.0, 5.0]])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_way_of_selling_is_better(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    prices, end = rng.uniform(2.0, 60.0, 7), float(rng.uniform(5.0, 30.0))
+    value = stored_energy_value(trader(prices.tolist()), end)[0]
+    buy, sell = prices / 0.9, (prices - 1.0) * 0.8
+    for t in range(7):
+        kept = min(end, buy[t:].min())
+        sold = [min(sell[s], buy[t : s + 1].min()) for s in range(t, 7)]
+        assert value[t] == pytest.approx(max(kept, *sold))
+
+
+def test_without_a_grid_it_is_the_cheapest_generator() -> None:
+    case = small(
+        load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 50.0}],
+        generator=[{"p_max_mw": 2.0, "cost_per_mwh": 7.0}, {"p_max_mw": 2.0, "cost_per_mwh": 6.0}],
+        ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}],
+    )
+    assert energy_price(case).tolist() == [6.0, 6.0]
+    np.testing.assert_allclose(stored_energy_value(case, 9.0), [[6.0, 6.0, 9.0]])
