@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from resilience.dispatch.slots import Slot, Slots
+from resilience.dispatch.trajectory import Trajectory
+from resilience.errors import UsageError
+from resilience.fragility.forecast import Outlook
 from resilience.fragility.scenarios import Scenarios
 from resilience.models.algebra import Floats, Ints
 from resilience.models.microgrid import Microgrid
-from resilience.models.simulator import Simulator
+from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.models.situation import Situation
 
 Bools = np.ndarray
+__all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
+Stepper = Simulator | NetworkSimulator
+Forecast = Callable[[str | None, Ints], Floats]
 
 
 @dataclass(frozen=True)
@@ -27,7 +35,10 @@ class Observation:
         energy: (units, batch) stored energy, MWh.
         line_up: (lines of the case, batch) which lines are up now; a failure is seen in its slot.
         island: (buses of the merged graph, batch) number of each bus's island.
-        centre: (batch,) slot of the day at which today's hazard peaks, -1 where unknown.
+        centre: (batch,) slot of 15 minutes at which today's hazard is forecast to peak, -1 where
+            unknown.
+        forecast: per-unit values of a profile by its name (None: constant 1) and slots from `t`
+            on, (len(slots), batch): true now, expected later.
     """
 
     t: int
@@ -35,6 +46,11 @@ class Observation:
     line_up: Bools
     island: Ints
     centre: Ints
+    forecast: Forecast
+
+    def forecast_of(self, k: int) -> Forecast:
+        """The forecast of scenario k alone, (len(slots),)."""
+        return lambda name, slots: self.forecast(name, slots)[:, k]
 
 
 class Dispatcher(Protocol):
@@ -48,105 +64,196 @@ class Dispatcher(Protocol):
 
 @dataclass(frozen=True)
 class World:
-    """The microgrid, its simulator, and the storms of an evaluation."""
+    """The microgrid, its simulator, and the storms of an evaluation.
+
+    Attributes:
+        end_value_per_mwh: credit for energy left at the end; everybody knows it.
+        outlook: errors of the forecast; None: load and PV come as the profiles say.
+        known_centre: operators are told at midnight where the day's hazard is forecast to peak.
+        reset_daily: the state of charge starts anew every midnight.
+        numbers: (scenarios,) what the scenarios are called where they are a part of more; None:
+            0, 1, ... See `index`.
+    """
 
     grid: Microgrid
-    simulator: Simulator
+    simulator: Stepper
     scenarios: Scenarios
+    end_value_per_mwh: float
+    outlook: Outlook | None = None
+    known_centre: bool = True
+    reset_daily: bool = False
+    numbers: Ints | None = None
 
     @classmethod
-    def of(cls, grid: Microgrid, scenarios: Scenarios) -> World:
-        """The world of a microgrid with copperplate physics."""
-        return cls(grid, Simulator(grid, grid.case.step_h), scenarios)
+    def of(
+        cls,
+        grid: Microgrid,
+        scenarios: Scenarios,
+        *,
+        end_value_per_mwh: float | None = None,
+        outlook: Outlook | None = None,
+        known_centre: bool = True,
+        reset_daily: bool = False,
+    ) -> World:
+        """The world of a microgrid, simulated at the microgrid's own physics.
+
+        Args:
+            grid: the microgrid.
+            scenarios: its storms.
+            end_value_per_mwh: the case's terminal value if omitted.
+            outlook: errors of the forecast.
+            known_centre: operators are told where the day's hazard is forecast to peak.
+            reset_daily: the state of charge starts anew every midnight.
+
+        Raises:
+            UsageError: storms of another horizon, or physics that nothing simulates.
+        """
+        if end_value_per_mwh is None:
+            end_value_per_mwh = grid.case.terminal_value_per_mwh
+        if scenarios.slots != grid.case.slots:
+            raise UsageError(
+                f"scenarios of {scenarios.slots} slots; allowed: {grid.case.slots}, as the case",
+                hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
+            )
+        stepped = stepper(grid)
+        return cls(grid, stepped, scenarios, end_value_per_mwh, outlook, known_centre, reset_daily)
+
+    @property
+    def index(self) -> Ints:
+        """(scenarios,) number of every scenario in the whole comparison.
+
+        Whoever draws random numbers takes a stream per scenario that is keyed by this number, such
+        as `default_rng([seed, number])`, so that no split into parts changes what is drawn.
+        """
+        return np.arange(self.scenarios.n) if self.numbers is None else self.numbers
+
+    def part(self, at: Ints) -> World:
+        """The same world with some of its scenarios; they keep their numbers."""
+        outlook = self.outlook
+        if outlook is not None:
+            outlook = replace(outlook, error=outlook.error[:, :, at])
+        storms = self.scenarios.chosen(at)
+        return replace(self, scenarios=storms, outlook=outlook, numbers=self.index[at])
+
+    def __getstate__(self) -> dict[str, Any]:
+        # A simulator is made anew where it arrives: it may hold what cannot travel.
+        kept = {f.name: getattr(self, f.name) for f in fields(self)}
+        return kept | {"simulator": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state | {"simulator": stepper(state["grid"])})
 
     @cached_property
     def line_up(self) -> Bools:
         """(lines of the case, slots, scenarios) False where a line is down."""
         return self.scenarios.line_up(self.grid.case.network.line_names)
 
+    @property
+    def per_day(self) -> int:
+        """Slots of a day."""
+        return max(round(24.0 / self.grid.case.step_h), 1)
+
+    @cached_property
+    def day(self) -> Ints:
+        """(slots,) number of the day of every slot; days begin at midnight."""
+        case = self.grid.case
+        first = round((case.start.hour + case.start.minute / 60.0) / case.step_h)
+        found: Ints = (first + np.arange(case.slots)) // self.per_day
+        return found
+
+    @cached_property
+    def ends(self) -> Ints:
+        """Slots at whose end the energy left is credited: the last, or the last of every day."""
+        last = self.grid.case.slots - 1
+        if not self.reset_daily:
+            return np.array([last])
+        return np.append(np.flatnonzero(np.diff(self.day)), last)
+
+    def profile(self, name: str | None, slots: Ints) -> Floats:
+        """(len(slots), scenarios) what a profile really is."""
+        values = self.grid.case.profile(name)[slots]
+        if self.outlook is None:
+            return np.broadcast_to(values[:, None], (len(values), self.scenarios.n))
+        return self.outlook.true(name, values, slots)
+
+    def forecast(self, now: int) -> Forecast:
+        """What is expected of profiles at slot `now`; see `Observation.forecast`."""
+        outlook = self.outlook
+        if outlook is None:
+            return self.profile
+        case = self.grid.case
+        return lambda name, slots: outlook.expected(name, case.profile(name)[slots], slots, now)
+
     def situation(self, t: int) -> Situation:
         """Slot t in every scenario: the scenarios are the nodes."""
-        case, n = self.grid.case, self.scenarios.n
-        return self.grid.situation(
-            self.line_up[:, t], lambda name: np.full(n, case.profile(name)[t])
-        )
+        now = np.array([t])
+        return self.grid.situation(self.line_up[:, t], lambda name: self.profile(name, now)[0])
+
+    @cached_property
+    def _slots(self) -> Slots:
+        return Slots(self)
+
+    def slot(self, t: int) -> Slot:
+        """Data and islands of slot t in every scenario."""
+        return self._slots[t]
+
+    def centre(self, t: int) -> Ints:
+        """(scenarios,) what operators know of the hazard's peak on slot t's day; -1: nothing."""
+        centre, day = self.scenarios.centre, int(self.day[t])
+        if centre is None or day >= len(centre) or not self.known_centre:
+            return np.full(self.scenarios.n, -1)
+        found: Ints = centre[day]
+        return found
+
+    def start(self) -> Floats:
+        """(units, scenarios) MWh stored at the start."""
+        energy = self.grid.start()["ess.energy"] if self.grid.case.ess else np.empty(0)
+        return np.repeat(energy[:, None], self.scenarios.n, axis=1)
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """What a dispatcher did in every scenario.
+def stepper(grid: Microgrid) -> Stepper:
+    """What simulates a microgrid at its physics: by arithmetic where lines carry anything, by a
+    linear program per slot where they have ratings or voltages.
 
-    Attributes:
-        cost: (slots, scenarios) $.
-        energy: (units, slots + 1, scenarios) MWh, the start included.
-        storage: (units, slots, scenarios) MW fed in, discharging positive.
-        flows: (columns, slots, scenarios) MW, see `Simulator.columns`.
-        seconds: for all decisions.
+    Raises:
+        UsageError: physics, or devices, that nothing simulates.
     """
-
-    name: str
-    cost: Floats
-    energy: Floats
-    storage: Floats
-    flows: Floats
-    columns: tuple[str, ...]
-    step_h: float
-    seconds: float = field(compare=False)
-
-    def flow(self, kind: str) -> Floats:
-        """(devices, slots, scenarios) the flows of one kind, as `load.shed`."""
-        at = [k for k, name in enumerate(self.columns) if name.startswith(kind + "[")]
-        return self.flows[at]
-
-    @property
-    def shed_mwh(self) -> Floats:
-        """(scenarios,) energy not served."""
-        found: Floats = self.flow("load.shed").sum((0, 1)) * self.step_h
-        return found
-
-    def objective(self, value_per_mwh: float) -> Floats:
-        """(scenarios,) $: cost less what the energy left at the end is worth."""
-        found: Floats = self.cost.sum(0) - value_per_mwh * self.energy[:, -1].sum(0)
-        return found
+    if grid.physics == "copperplate" and not np.isfinite(grid.network.rating_mva).any():
+        return Simulator(grid, grid.case.step_h)
+    return NetworkSimulator(grid, grid.case.step_h)
 
 
-def simulate(world: World, dispatcher: Dispatcher) -> Trajectory:
-    """Runs a dispatcher through all scenarios at once."""
+def simulate(
+    world: World, dispatcher: Dispatcher, on_slot: Callable[[], None] | None = None
+) -> Trajectory:
+    """Runs a dispatcher through all scenarios at once.
+
+    Args:
+        world: the storms.
+        dispatcher: a fresh one; it may remember what it has seen.
+        on_slot: called after every slot.
+    """
     case, simulator, n = world.grid.case, world.simulator, world.scenarios.n
-    start = world.grid.start()["ess.energy"] if case.ess else np.empty(0)
-    energy = np.repeat(start[:, None], n, axis=1)
-    per_day = max(round(24.0 / case.step_h), 1)
-    energies, powers, flows, costs = [energy], [], [], []
-    seconds = 0.0
+    energy = start = world.start()
+    left = np.zeros(n)
+    run = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
+    run.energy[:, 0] = energy
+    seconds = cpu = 0.0
+    ends = set(world.ends.tolist())
     for t in range(case.slots):
-        situation = world.situation(t)
-        centre = _centre(world, t // per_day)
-        seen = Observation(t, energy, world.line_up[:, t], situation.island, centre)
-        began = time.perf_counter()
+        now, up = world.slot(t), world.line_up[:, t]
+        seen = Observation(t, energy, up, now.island, world.centre(t), world.forecast(t))
+        began = time.perf_counter(), time.process_time()
         action = dispatcher.act(seen)
-        seconds += time.perf_counter() - began
-        data = simulator.stacked(world.grid.data(situation))
-        step = simulator.step(energy, action, data, situation.island)
+        seconds += time.perf_counter() - began[0]
+        cpu += time.process_time() - began[1]
+        step = simulator.step(energy, action, now.stacked, now.island)
+        run.record(t, step)
         energy = step.energy
-        energies.append(energy)
-        powers.append(step.discharge - step.charge)
-        flows.append(step.flows)
-        costs.append(step.cost)
-    return Trajectory(
-        dispatcher.name,
-        np.array(costs),
-        np.stack(energies, axis=1),
-        np.stack(powers, axis=1),
-        np.stack(flows, axis=1),
-        simulator.columns,
-        case.step_h,
-        seconds,
-    )
-
-
-def _centre(world: World, day: int) -> Ints:
-    centre = world.scenarios.centre
-    if centre is None or day >= len(centre):
-        return np.full(world.scenarios.n, -1)
-    found: Ints = centre[day]
-    return found
+        if t in ends:
+            left += energy.sum(0)
+            energy = start if t + 1 < case.slots else energy
+        run.energy[:, t + 1] = energy
+        if on_slot is not None:
+            on_slot()
+    return replace(run, left_mwh=left, seconds=seconds, cpu_seconds=cpu)

@@ -1,227 +1,240 @@
-"""`compare`: every dispatcher on the same storms, measured against the clairvoyant bound."""
+"""`compare`: every dispatcher on the same storms, measured against the clairvoyant bound.
+
+Random numbers are common: outages and forecast errors are drawn up front from seeds of their own,
+so that every method meets the same episodes. An episode is the whole path over all days, its state
+of charge carried over.
+"""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from resilience.case import Case, load_case
-from resilience.dispatch import statistics
-from resilience.dispatch.base import Dispatcher, Trajectory, World, simulate
-from resilience.dispatch.metrics import Adequacy, adequacy
-from resilience.dispatch.mpc import MPC, Replay, clairvoyant
-from resilience.dispatch.rules import Greedy, Idle, Rule
-from resilience.dispatch.stochastic import Stochastic
+from resilience.dispatch.base import World
+from resilience.dispatch.certify import certify_trajectory
+from resilience.dispatch.engines import Engine, check_engine
+from resilience.dispatch.judge import Report
+from resilience.dispatch.measures import demand, measure
+from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
+from resilience.dispatch.runs import BOUND, Factory, run_all
+from resilience.dispatch.saving import check_folder, save_report
+from resilience.dispatch.store import Store
+from resilience.dispatch.storms import storm_grid
 from resilience.errors import UsageError
-from resilience.fragility.bell import Bell, case_bell
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.files import load_scenarios
+from resilience.fragility.forecast import (
+    MEASURED_CORRELATION,
+    MEASURED_SIGMA,
+    ForecastError,
+    sample_outlook,
+)
+from resilience.fragility.outages import sample_case
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Physics
 from resilience.progress import phase
 
-if TYPE_CHECKING:
-    import pandas as pd
-
+USUAL_DAYS = 16
 TEST_SHARE = 0.25  # of the days of the profiles, the last ones: nothing is tuned on them
-REFERENCE = "rule-0.9"  # always reported: a battery kept full is the method to beat
-
-DISPATCHERS: dict[str, Callable[[World, float], Dispatcher]] = {
-    "idle": lambda world, _: Idle(world),
-    "greedy": lambda world, _: Greedy(world),
-    "rule": lambda world, _: Rule(world, 0.5),
-    REFERENCE: lambda world, _: Rule(world, 0.9),
-    "mpc-blind": lambda world, _: MPC(world),
-    "mpc": lambda world, value: MPC(world, value_per_mwh=value, name="mpc"),
-    "stochastic": lambda world, value: Stochastic(world, belief(world), value_per_mwh=value),
+ERRORS = {
+    "ar1": ForecastError(MEASURED_SIGMA, MEASURED_CORRELATION),
+    "gaussian": ForecastError(MEASURED_SIGMA, 0.0),
 }
-"""Each dispatcher by name, made from the world and the worth of stored energy in $/MWh."""
+Methods = Sequence[str] | Mapping[str, Factory]
+
+__all__ = ["Report", "compare", "evaluate", "held_out"]
 
 
-def belief(world: World) -> Bell:
-    """The outage process of the case, which is all that a dispatcher knows of storms to come."""
-    return case_bell(world.grid.case)
-
-
-@dataclass(frozen=True)
-class Report:
-    """Every dispatcher on the same episodes; an episode is one scenario over all days.
-
-    Attributes:
-        objective: method to (episodes,) $: cost less the worth of the energy left at the end.
-        bound: (episodes,) $: the clairvoyant optimum, which no dispatcher can beat.
-        trajectories: method to what it did.
-        adequacy: method to its reliability indices.
-        seconds: method to CPU seconds for all of its decisions.
-    """
-
-    case: Case
-    scenarios: Scenarios
-    end_value_per_mwh: float
-    objective: Mapping[str, Floats]
-    bound: Floats
-    trajectories: Mapping[str, Trajectory] = field(repr=False)
-    adequacy: Mapping[str, Adequacy] = field(repr=False)
-    seconds: Mapping[str, float]
-    bound_seconds: float
-
-    @property
-    def triviality(self) -> statistics.Triviality:
-        """Whether the case tells methods apart at all."""
-        return statistics.triviality(self.objective[REFERENCE], self.bound)
-
-    def frame(self, seed: int = 0) -> pd.DataFrame:
-        """A row per method: cost per day, gap, score, their intervals, shedding, worst, time."""
-        import pandas as pd
-
-        days = self.case.slots * self.case.step_h / 24.0
-        rows = [self._row(name, days, seed) for name in self.objective]
-        return pd.DataFrame(rows).set_index("method").sort_values("cost_per_day")
-
-    def _row(self, name: str, days: float, seed: int) -> dict[str, Any]:
-        cost, rule = self.objective[name], self.objective[REFERENCE]
-        score = statistics.score(cost, rule, self.bound)
-        found: dict[str, Any] = {
-            "method": name,
-            "cost_per_day": cost.mean() / days,
-            "gap_percent": 100.0 * statistics.gap_to_bound(cost, self.bound).mean(),
-            "score": score.mean(),
-            "cvar95_per_day": statistics.conditional_value_at_risk(cost, 0.95) / days,
-            "worst_per_day": cost.max() / days,
-            "shed_mwh_per_day": self.trajectories[name].shed_mwh.mean() / days,
-            "lolp": self.adequacy[name].lolp_slots,
-            "ms_per_decision": 1e3 * self.seconds[name] / (self.case.slots * len(cost)),
-        }
-        if len(cost) > 1 and name != REFERENCE:
-            rng = np.random.default_rng(seed)
-            more = statistics.paired_difference(cost / days, rule / days, rng)
-            found |= {"over_rule_low": more.low, "over_rule_high": more.high}
-        return found
-
-    def save(self, folder: str | Path) -> Path:
-        """Writes report.parquet, report.csv, episodes.parquet and summary.json, all or nothing."""
-        import json
-
-        import pandas as pd
-
-        from resilience.results import replacing
-
-        with replacing(Path(folder), "summary.json") as target:
-            self.frame().to_parquet(target / "report.parquet")
-            self.frame().to_csv(target / "report.csv")
-            episodes = pd.DataFrame({**self.objective, "bound": self.bound})
-            episodes.to_parquet(target / "episodes.parquet")
-            text = json.dumps(self.summary(), indent=2, allow_nan=False)
-            (target / "summary.json").write_text(text + "\n", encoding="utf-8")
-            self.scenarios.save(target / "scenarios.npz")
-        return Path(folder)
-
-    def summary(self) -> dict[str, Any]:
-        """The report as plain data; what is not defined is None."""
-        rows = self.frame().reset_index().to_dict(orient="records")
-        clean = [{k: None if _missing(v) else v for k, v in row.items()} for row in rows]
-        room = self.triviality.room_share
-        return {
-            "case": self.case.name,
-            "start": self.case.start.isoformat(),
-            "slots": self.case.slots,
-            "episodes": self.scenarios.n,
-            "seed": self.scenarios.seed,
-            "process": self.scenarios.process,
-            "end_value_per_mwh": self.end_value_per_mwh,
-            "bound_per_day": float(self.bound.mean() / (self.case.slots * self.case.step_h / 24)),
-            "bound_seconds": self.bound_seconds,
-            "triviality_percent": None if _missing(room) else 100.0 * room,
-            "methods": clean,
-        }
-
-
-def _missing(value: Any) -> bool:
-    return isinstance(value, float) and not math.isfinite(value)
-
-
-def compare(
+def compare(  # noqa: PLR0913 every one is an option of the command line
     case: Case | str | Path,
-    methods: Sequence[str] = ("rule", "mpc-blind", "mpc"),
+    methods: Methods = ("rule", "mpc-blind", "mpc", "stochastic"),
     *,
-    days: int = 16,
+    days: int | None = None,
     draws: int = 8,
     seed: int = 0,
+    scenarios: Scenarios | str | Path | None = None,
+    physics: Physics = "copperplate",
     end_value_per_mwh: float | None = None,
-    scenarios: Scenarios | None = None,
+    forecast_error: ForecastError | str | None = None,
+    known_centre: bool = True,
+    reset_daily: bool = False,
+    workers: int = 1,
+    engine: Engine = "local",
+    ac: bool = False,
+    out: str | Path | None = None,
 ) -> Report:
     """Runs dispatchers over the test days, every one of them on the same outage draws.
 
-    State of charge is carried over the days; energy left at the end is worth the same to all.
+    Numbers do not depend on `workers` and `engine`. With `out`, every finished part is on disk at
+    once, and a call that was interrupted goes on from there.
 
     Args:
         case: a case, its file, or the name of an installed one.
-        methods: names from `DISPATCHERS`; rule 0.9 is always added.
-        days: days of an episode, the last ones of the profiles.
+        methods: names from `DISPATCHERS`, or names with a function from a world to a dispatcher;
+            rule 0.9 and the clairvoyant are always added.
+        days: days of an episode, the last ones of the profiles, 16 if omitted. A case with a storm
+            keeps its own horizon, on which the storm is laid.
         draws: how many outage paths; every one is an episode.
-        seed: of the outage paths.
+        seed: of the outage paths, and, as a stream of its own, of the forecast errors.
+        scenarios: outage paths, or their file, to use in place of draws; `days` must be theirs.
+        physics: of everybody, the bound included.
         end_value_per_mwh: worth of energy left, $/MWh; the case's terminal value if omitted.
-        scenarios: outage paths to use in place of draws; `days` must be theirs.
+        forecast_error: how load and PV differ from their forecast: "ar1" with the measured
+            correlation 0.97, "gaussian" with none (the paper's), "SIGMA,RHO", or None: not at all.
+        known_centre: operators are told at midnight where the day's hazard is forecast to peak.
+        reset_daily: the state of charge starts anew every midnight; the report warns of it.
+        workers: processes.
+        engine: local, dask or ray.
+        ac: certifies all trajectories by AC power flow.
+        out: folder for the report and for what is needed to go on after an interruption.
 
     Raises:
-        UsageError: an unknown method, or more days than the profiles keep for tests.
+        CaseError: the case has mistakes; all of them are listed.
+        UsageError: an unknown method, engine or forecast error; more days than the profiles keep
+            for tests; scenarios of another horizon; physics that nothing simulates.
     """
-    unknown = [name for name in methods if name not in DISPATCHERS]
-    if unknown:
-        raise UsageError(
-            f"dispatcher {unknown[0]!r} is unknown; allowed: {', '.join(DISPATCHERS)}",
-            hint="`clairvoyant` is the bound and always there",
-        )
+    made, error = _factories(methods), parse_error(forecast_error)
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
-    scenarios = scenarios or sample_bell(case, case_bell(case), draws, seed)
-    world = World.of(microgrid(case, "copperplate"), scenarios)
-    value = case.terminal_value_per_mwh if end_value_per_mwh is None else end_value_per_mwh
-    began = time.perf_counter()
-    with phase("clairvoyant bound"):
-        bound = clairvoyant(world, value)
-    spent = time.perf_counter() - began
-    runs: dict[str, Trajectory] = {}
-    for name in dict.fromkeys([*methods, REFERENCE]):
-        with phase("dispatch", name):
-            runs[name] = simulate(world, DISPATCHERS[name](world, case.terminal_value_per_mwh))
-    runs["clairvoyant"] = simulate(world, Replay("clairvoyant", bound.charging))
-    return Report(
-        case=case,
-        scenarios=scenarios,
-        end_value_per_mwh=value,
-        objective={name: run.objective(value) for name, run in runs.items()},
-        bound=bound.objective,
+    storms = _storms(case, scenarios, draws, seed)
+    outlook = error and sample_outlook(case, error, storms.n, _error_seed(seed))
+    told = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
+    rules: dict[str, Any] = {"known_centre": known_centre, "reset_daily": reset_daily}
+    rules |= {"end_value_per_mwh": end_value_per_mwh, "outlook": outlook}
+    world = World.of(storm_grid(case, storms, physics), storms, **rules)
+    return evaluate(
+        world, made, workers=workers, engine=engine, ac=ac, out=out, forecast_error=told
+    )
+
+
+def _storms(case: Case, given: Scenarios | str | Path | None, draws: int, seed: int) -> Scenarios:
+    """The scenarios given, read or drawn."""
+    if isinstance(given, str | Path):
+        return load_scenarios(given, case)
+    return given or sample_case(case, draws, seed)
+
+
+def evaluate(
+    world: World,
+    methods: Methods,
+    *,
+    workers: int = 1,
+    engine: Engine = "local",
+    ac: bool = False,
+    out: str | Path | None = None,
+    forecast_error: str | None = None,
+) -> Report:
+    """Judges dispatchers in a world of one's own; `compare` makes the usual one.
+
+    Args:
+        world: case, storms, forecast errors and what operators are told.
+        methods: as in `compare`.
+        workers: processes.
+        engine: local, dask or ray.
+        ac: certifies all trajectories by AC power flow.
+        out: folder for the report and for what is needed to go on after an interruption.
+        forecast_error: how the report calls the errors of `world.outlook`.
+
+    Raises:
+        UsageError: an unknown method or engine, or a folder that holds something else.
+    """
+    made = {**_factories(methods), REFERENCE: DISPATCHERS[REFERENCE]}
+    check_engine(engine, workers)
+    store = None
+    if out is not None:
+        check_folder(Path(out))
+        store = Store(Path(out))
+    runs = run_all(world, made, workers=workers, engine=engine, store=store)
+    runs = {name: runs[name] for name in (*made, BOUND)}
+    certificates = None
+    if ac:
+        with phase("AC power flow"):
+            certificates = {name: certify_trajectory(world, run) for name, run in runs.items()}
+    asked = demand(world)
+    if forecast_error is None:
+        forecast_error = "none" if world.outlook is None else "given"
+    report = Report(
+        world=world,
         trajectories=runs,
-        adequacy={name: _adequacy(world, run) for name, run in runs.items()},
-        seconds={name: run.seconds for name, run in runs.items()},
-        bound_seconds=spent,
+        measures={name: measure(world, run, asked) for name, run in runs.items()},
+        certificates=certificates,
+        forecast_error=forecast_error,
     )
+    if out is not None:
+        with phase("writing"):
+            save_report(report, Path(out))
+    return report
 
 
-def _adequacy(world: World, run: Trajectory) -> Adequacy:
-    case, n = world.grid.case, world.scenarios.n
-    demand = np.array([t.p_max_mw * case.profile(t.profile) for t in case.load])
-    shape = (*demand.shape, n)
-    full = np.broadcast_to(demand[:, :, None], shape)
-    return adequacy(
-        full, run.flow("load.shed"), case.step_h, probability=world.scenarios.probability
-    )
+def _factories(methods: Methods) -> dict[str, Factory]:
+    """How to make every method.
+
+    Raises:
+        UsageError: an unknown name, none at all, or one that is taken.
+    """
+    if isinstance(methods, Mapping):
+        if BOUND in methods:
+            raise UsageError(
+                f"a method is called {BOUND!r}; allowed: any other name",
+                hint="the clairvoyant is the bound and always there",
+            )
+        return dict(methods)
+    if isinstance(methods, str):
+        methods = [methods]
+    names = [name for name in dict.fromkeys(methods) if name != BOUND]
+    check_names(names)
+    return {name: DISPATCHERS[name] for name in names}
 
 
-def held_out(case: Case, days: int) -> Case:
+def parse_error(text: ForecastError | str | None) -> ForecastError | None:
+    """A forecast error from its name or from `SIGMA,RHO`.
+
+    Raises:
+        UsageError: text that is neither, or a value out of range.
+    """
+    if text is None or isinstance(text, ForecastError):
+        return text
+    if text == "none":
+        return None
+    if text in ERRORS:
+        return ERRORS[text]
+    try:
+        sigma, correlation = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(
+            f"forecast error {text!r} cannot be read; allowed: none, {', '.join(ERRORS)}, or "
+            "SIGMA,RHO",
+            hint="0.025,0.97 is measured: a standard deviation of 2.5 % that lasts for hours",
+        ) from None
+    return ForecastError(sigma, correlation)
+
+
+def _error_seed(seed: int) -> int:
+    """A seed for forecast errors: the same one would repeat the streams of the outages."""
+    return int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
+
+
+def held_out(case: Case, days: int | None = None) -> Case:
     """The case over the last `days` days of its profiles, which nothing is tuned on.
+
+    A case with a storm keeps its own horizon, without the outages to plan for.
 
     Raises:
         UsageError: more days than the last quarter of the profiles has; a case without a profile
-            file keeps its own horizon and must have as many days.
+            file keeps its own horizon and must have as many days; days of a case with a storm.
     """
+    if case.storm is not None and case.storm.points:
+        if days is not None:
+            raise UsageError(
+                f"{days} days of case {case.name!r}; allowed: its own horizon, {case.window}",
+                hint="leave out --days: its storm comes once, on the days that the case says",
+            )
+        return case.replace(outages=())
+    days = USUAL_DAYS if days is None else days
     file = case.source.get("profiles", {}).get("file")
     per_day = round(24 * 60 / case.step_min)
     if file is None:

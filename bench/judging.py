@@ -1,0 +1,40 @@
+"""Judging: the clairvoyant bound, what an episode costs apart from decisions, AC certification."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from bench.row import Row, below, timed
+from resilience.case import load_case
+from resilience.dispatch.base import World, simulate
+from resilience.dispatch.certify import certify_trajectory
+from resilience.dispatch.clairvoyant import clairvoyant
+from resilience.dispatch.evaluate import held_out
+from resilience.dispatch.registry import DISPATCHERS
+from resilience.dispatch.rules import Idle
+from resilience.fragility.bell import case_bell
+from resilience.fragility.outages import sample_bell
+from resilience.models.microgrid import microgrid
+
+DAYS, DRAWS = 16, 8
+SMALL_SHARE = 0.5  # of an episode of the fastest solver-based method
+
+
+def judging() -> Iterator[Row]:
+    case = held_out(load_case("ieee33-tou"), DAYS)
+    grid, bell = microgrid(case, "copperplate"), case_bell(case)
+    worlds = {n: World.of(grid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
+    one, eight = (timed(clairvoyant, worlds[n])[0] for n in (1, DRAWS))
+    each = (eight - one) / (DRAWS - 1)
+    note = f"{case.slots:,} slots, once {one:.2f} s for the first"
+    yield below(f"clairvoyant bound, {DAYS} days, a further draw", each, 1.0, "s", note)
+    idle = timed(lambda: simulate(worlds[1], Idle(worlds[1])))[0]
+    make = partial(DISPATCHERS["mpc-blind"], worlds[1])
+    blind = timed(lambda: simulate(worlds[1], make()))[0]
+    note = f"{idle:.2f} s without decisions, {blind:.2f} s with those of mpc-blind"
+    yield below("an episode's share apart from decisions", idle / blind, SMALL_SHARE, "", note)
+    run = simulate(worlds[DRAWS], DISPATCHERS["rule"](worlds[DRAWS]))
+    seconds, _ = timed(certify_trajectory, worlds[DRAWS], run)
+    note = f"{run.cost.size:,} members, islands included, {run.cost.size / seconds:,.0f} a second"
+    yield below(f"AC certification, {DAYS} days x {DRAWS} draws", seconds, 5.0, "s", note)

@@ -1,0 +1,194 @@
+"""Could the wires have carried it? AC power flow of every slot of every scenario of a trajectory.
+
+The powers are taken as they were dispatched. In every island the largest forming unit gives what
+they left over: losses, which copperplate dispatch does not know, and all reactive power. What it
+gives beyond its own limits is excess. Members without a solution are counted, and nothing is read
+from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.dispatch.measures import demand
+from resilience.models.algebra import Floats
+from resilience.models.certify import TOLERANCE, Carried, carry
+
+if TYPE_CHECKING:
+    from resilience.dispatch.base import World
+    from resilience.dispatch.trajectory import Trajectory
+
+Bools = np.ndarray
+MEMBERS = 16_384  # power flows at once: some ten MB each array for a feeder of a hundred buses
+
+
+@dataclass(frozen=True)
+class WorstMember:
+    """Where a trajectory is worst: the value and its episode and slot."""
+
+    value: float
+    episode: int
+    slot: int
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The worst values of a trajectory; None where there is no such value."""
+
+    undervoltage_pu: WorstMember | None
+    overvoltage_pu: WorstMember | None
+    overload_mva: WorstMember | None
+    root_excess_mw: WorstMember | None
+    not_converged: int
+
+
+@dataclass(frozen=True)
+class TrajectoryCertificate:
+    """What AC power flow says of a trajectory; arrays are (slots, scenarios).
+
+    Attributes:
+        found: what it says of every member, arrays (slots * scenarios,) slot by slot.
+        slots, scenarios: their numbers.
+        spill_mw: power that the dispatch had to take and could not use.
+        planned_mw: losses that the dispatch reckoned with, 0 at copperplate.
+        rated: whether any line has a rating.
+        step_h: hours of a slot.
+    """
+
+    found: Carried = field(repr=False)
+    slots: int
+    scenarios: int
+    planned_mw: Floats = field(repr=False)
+    rated: bool
+    step_h: float
+
+    def values(self, name: str) -> np.ndarray:
+        """(slots, scenarios) one field of `Carried`."""
+        array: np.ndarray = getattr(self.found, name)
+        return array.reshape(self.slots, self.scenarios)
+
+    @property
+    def converged(self) -> Bools:
+        """Members with a solution."""
+        return self.values("converged")
+
+    @property
+    def outside(self) -> Bools:
+        """Members in which a voltage, a rating or a forming unit's range is exceeded."""
+        names = ("v_excess_pu", "overload_mva", "root_excess_mw")
+        found: Bools = np.any([self.values(name) > TOLERANCE for name in names], axis=0)
+        return found
+
+    @property
+    def lowest_pu(self) -> float:
+        """Lowest voltage of all; NaN where nothing converged."""
+        return _extreme(self.values("v_min_pu"), np.nanmin)
+
+    @property
+    def highest_pu(self) -> float:
+        """Highest voltage of all; NaN where nothing converged."""
+        return _extreme(self.values("v_max_pu"), np.nanmax)
+
+    @property
+    def worst_overload_mva(self) -> float:
+        """Greatest excess over a rating; NaN without ratings."""
+        return _extreme(self.values("overload_mva"), np.nanmax) if self.rated else float("nan")
+
+    @property
+    def worst_root_excess_mw(self) -> float:
+        """Greatest power that one forming unit lacks to carry its island."""
+        return _extreme(self.values("root_worst_mw"), np.nanmax)
+
+    def outside_share(self, likely: Floats) -> float:
+        """Expected share of the solved slots in which a limit is exceeded."""
+        solved = self.converged.sum(0) @ likely
+        return float(self.outside.sum(0) @ likely / solved) if solved else float("nan")
+
+    def not_converged_share(self, likely: Floats) -> float:
+        """Expected share of the slots without a solution."""
+        return float((~self.converged).mean(0) @ likely)
+
+    def loss_mwh(self, likely: Floats) -> float:
+        """Expected losses of an episode."""
+        return self._energy(self.values("loss_mw"), likely)
+
+    def unfunded_mwh(self, likely: Floats) -> float:
+        """Expected losses that the dispatch did not reckon with: the forming units gave them."""
+        return self._energy(self.values("loss_mw") - self.planned_mw, likely)
+
+    def excess_mwh(self, likely: Floats) -> float:
+        """Expected energy that forming units give or take beyond their ranges."""
+        return self._energy(self.values("root_excess_mw"), likely)
+
+    def _energy(self, power_mw: Floats, likely: Floats) -> float:
+        return float(np.nansum(power_mw, axis=0) @ likely) * self.step_h
+
+    def worst(self) -> Worst:
+        """Where the trajectory is worst."""
+        overload = self.values("overload_mva")
+        return Worst(
+            undervoltage_pu=_member(self.values("v_min_pu"), np.nanargmin),
+            overvoltage_pu=_member(self.values("v_max_pu"), np.nanargmax),
+            overload_mva=_member(overload, np.nanargmax) if self.rated else None,
+            root_excess_mw=_member(self.values("root_worst_mw"), np.nanargmax),
+            not_converged=int((~self.converged).sum()),
+        )
+
+
+def certify_trajectory(world: World, run: Trajectory) -> TrajectoryCertificate:
+    """AC power flow of all slots and scenarios, in batch.
+
+    Args:
+        world: where it happened.
+        run: what happened.
+    """
+    case, n = world.grid.case, world.scenarios.n
+    power = _powers(world, run)
+    total = sum(power.values(), np.zeros((case.slots, n)))
+    spill = np.zeros_like(total) if run.spill is None else run.spill
+    size = max(MEMBERS // max(n, 1), 1)
+    parts = []
+    for first in range(0, case.slots, size):
+        at = slice(first, first + size)
+        some = {name: values[at].ravel() for name, values in power.items()}
+        up = world.line_up[:, at].reshape(len(world.line_up), -1)
+        parts.append(carry(case, some, up))
+    whole = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
+    return TrajectoryCertificate(
+        found=Carried(**whole),
+        slots=case.slots,
+        scenarios=n,
+        planned_mw=total - spill,
+        rated=bool(np.isfinite(case.network.rating_mva).any()),
+        step_h=case.step_h,
+    )
+
+
+def _powers(world: World, run: Trajectory) -> dict[str, Floats]:
+    """(slots, scenarios) MW fed in by every device, by its name."""
+    case = world.grid.case
+    served = demand(world) - run.flow("load.shed")
+    found = {t.name: -served[k] for k, t in enumerate(case.load)}
+    found |= {t.name: run.storage[k] for k, t in enumerate(case.ess)}
+    for kind, tables in (("pv.p", case.pv), ("generator.p", case.generator)):
+        names = [t.name for t in tables]
+        found |= dict(zip(names, run.flow(kind), strict=True))
+    if case.grid:
+        exchange = run.flow("grid.import") - run.flow("grid.export")
+        found |= dict(zip([t.name for t in case.grid], exchange, strict=True))
+    return found
+
+
+def _extreme(values: Floats, choose: Callable[[Floats], Any]) -> float:
+    return float(choose(values)) if np.isfinite(values).any() else float("nan")
+
+
+def _member(values: Floats, choose: Callable[[Floats], Any]) -> WorstMember | None:
+    if not np.isfinite(values).any():
+        return None
+    slot, episode = np.unravel_index(int(choose(values)), values.shape)
+    return WorstMember(float(values[slot, episode]), int(episode), int(slot))

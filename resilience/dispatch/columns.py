@@ -1,0 +1,161 @@
+"""The columns of a comparison, one number per method, and what each means.
+
+Expectations weigh the episodes by their probabilities. `per_day` is per day of an episode.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.dispatch import statistics
+from resilience.models.algebra import Floats
+
+if TYPE_CHECKING:
+    from resilience.dispatch.certify import TrajectoryCertificate
+    from resilience.dispatch.judge import Report
+
+COLUMNS = {
+    "cost_per_day": "expected $: operating cost less the worth of the energy left",
+    "iqm_per_day": "interquartile mean over the episodes; none where they are not equally likely",
+    "cvar95_per_day": "mean of the worst 5 % of the episodes",
+    "worst_per_day": "the dearest episode",
+    "worst_day": "operating cost of the dearest day of any episode, $",
+    "gap_percent": "(cost - bound) / |bound| per episode, expected, %",
+    "score": "(rule 0.9 - cost) / (rule 0.9 - bound) per episode, expected",
+    "over_rule_per_day": "cost - rule 0.9 on the same episodes, expected $",
+    "over_rule_low": "lower end of its 95 % bootstrap interval",
+    "over_rule_high": "upper end",
+    "perfect_information_per_day": "what knowing the future would save this method, $",
+    "end_energy_mwh": "stored energy left whose worth is credited",
+    "shed_mwh_per_day": "energy not served",
+    "shed_mw_slots_per_day": "the same as the paper adds it up: MW over the slots, without hours",
+    "eens_mwh": "expected energy not served in an episode",
+    "lolp": "share of the slots with shedding",
+    "lolp_episodes": "share of the episodes with shedding",
+    "lole_h_per_day": "hours with shedding",
+    "served_percent": "energy served / energy demanded, %",
+    "critical_served_percent": "the same of the critical loads; none where the case has none",
+    "critical_whole": "probability that no critical load is ever shed",
+    "asidi_h_per_day": "hours without supply of the average MW",
+    "asifi_per_day": "interruptions of the average MW",
+    "trapezoid_phi_per_h": "how fast service drops in the deepest drop of an episode, 1/h",
+    "trapezoid_lambda": "how deep, share of the demand",
+    "trapezoid_e_h": "how long it stays there, h",
+    "trapezoid_pi_per_h": "how promptly it comes back, 1/h; none where it never drops",
+    "trapezoid_area": "mean share of the demand served over time",
+    "build_s": "wall-clock seconds to make the dispatcher once, training included",
+    "build_cpu_s": "the same in seconds of the processor",
+    "ms_per_decision": "wall-clock time of a decision of one episode",
+    "cpu_ms_per_decision": "the same of the processor",
+}
+"""Column to meaning."""
+
+AC_COLUMNS = {
+    "ac_v_min_pu": "lowest voltage",
+    "ac_v_max_pu": "highest voltage",
+    "ac_outside_percent": "share of the slots in which a limit is exceeded, %",
+    "ac_overload_mva": "greatest excess over a line's rating; none without ratings",
+    "ac_root_excess_mw": "greatest power that a forming unit lacks to carry its island",
+    "ac_loss_mwh_per_day": "losses",
+    "ac_unfunded_mwh_per_day": "losses that the dispatch did not reckon with",
+    "ac_excess_mwh_per_day": "energy that forming units give or take beyond their limits",
+    "ac_not_converged_percent": "share of the slots without a solution, left out of all others, %",
+}
+"""The same of what AC power flow finds, with `ac=True`."""
+
+
+def row(report: Report, name: str, seed: int) -> dict[str, float]:
+    """All columns of one method."""
+    found = _costs(report, name) | _against_rule(report, name, seed)
+    found |= _service(report, name) | _times(report, name)
+    if report.certificates is not None:
+        found |= _ac(report.certificates[name], report.days, report.scenarios.probability)
+    return {column: found[column] for column in (*COLUMNS, *AC_COLUMNS) if column in found}
+
+
+def expected(values: Floats, likely: Floats) -> float:
+    """The mean by probability of the values that are there; NaN where none is."""
+    there = np.isfinite(values) & (likely > 0)
+    weight = float(likely[there].sum())
+    return float(likely[there] @ values[there]) / weight if weight else float("nan")
+
+
+def _costs(report: Report, name: str) -> dict[str, float]:
+    cost, likely, days = report.objective[name], report.scenarios.probability, report.days
+    alike = np.ptp(likely) <= 1e-12
+    rule = report.objective[report.reference]
+    return {
+        "cost_per_day": expected(cost, likely) / days,
+        "iqm_per_day": statistics.interquartile_mean(cost) / days if alike else float("nan"),
+        "cvar95_per_day": statistics.conditional_value_at_risk(cost, 0.95, likely) / days,
+        "worst_per_day": statistics.worst(cost, likely) / days,
+        "worst_day": report.measures[name].worst_day[0],
+        "gap_percent": 100.0 * expected(statistics.gap_to_bound(cost, report.bound), likely),
+        "score": expected(statistics.score(cost, rule, report.bound), likely),
+        "perfect_information_per_day": statistics.value_of_perfect_information(
+            cost, report.bound, likely
+        )
+        / days,
+        "end_energy_mwh": expected(report.trajectories[name].credited_mwh, likely),
+    }
+
+
+def _against_rule(report: Report, name: str, seed: int) -> dict[str, float]:
+    more = report.difference(name, report.reference, seed)
+    return {
+        "over_rule_per_day": more.mean,
+        "over_rule_low": more.low,
+        "over_rule_high": more.high,
+    }
+
+
+def _service(report: Report, name: str) -> dict[str, float]:
+    found, likely, days = report.measures[name], report.scenarios.probability, report.days
+    service, shape = found.adequacy, found.shape
+    critical = found.has_critical
+    none = float("nan")
+    return {
+        "shed_mwh_per_day": service.eens_mwh / days,
+        "shed_mw_slots_per_day": service.shed_mw_slots / days,
+        "eens_mwh": service.eens_mwh,
+        "lolp": service.lolp_slots,
+        "lolp_episodes": service.lolp_members,
+        "lole_h_per_day": service.lole_h / days,
+        "served_percent": 100.0 * service.served_share,
+        "critical_served_percent": 100.0 * service.critical_served_share if critical else none,
+        "critical_whole": service.p_critical_served if critical else none,
+        "asidi_h_per_day": expected(found.indices.asidi_h, likely) / days,
+        "asifi_per_day": expected(found.indices.asifi, likely) / days,
+        "trapezoid_phi_per_h": expected(shape.phi_per_h, likely),
+        "trapezoid_lambda": expected(shape.lambda_share, likely),
+        "trapezoid_e_h": expected(shape.e_h, likely),
+        "trapezoid_pi_per_h": expected(shape.pi_per_h, likely),
+        "trapezoid_area": expected(shape.area_h, likely) / (24.0 * days),
+    }
+
+
+def _times(report: Report, name: str) -> dict[str, float]:
+    run = report.trajectories[name]
+    decisions = run.cost.size
+    return {
+        "build_s": run.build_seconds,
+        "build_cpu_s": run.build_cpu_seconds,
+        "ms_per_decision": 1e3 * run.seconds / decisions,
+        "cpu_ms_per_decision": 1e3 * run.cpu_seconds / decisions,
+    }
+
+
+def _ac(found: TrajectoryCertificate, days: float, likely: Floats) -> dict[str, float]:
+    return {
+        "ac_v_min_pu": found.lowest_pu,
+        "ac_v_max_pu": found.highest_pu,
+        "ac_outside_percent": 100.0 * found.outside_share(likely),
+        "ac_overload_mva": found.worst_overload_mva,
+        "ac_root_excess_mw": found.worst_root_excess_mw,
+        "ac_loss_mwh_per_day": found.loss_mwh(likely) / days,
+        "ac_unfunded_mwh_per_day": found.unfunded_mwh(likely) / days,
+        "ac_excess_mwh_per_day": found.excess_mwh(likely) / days,
+        "ac_not_converged_percent": 100.0 * found.not_converged_share(likely),
+    }

@@ -1,0 +1,105 @@
+"""What is measured of one method's trajectory, episode by episode and day by day."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.dispatch import metrics
+from resilience.dispatch.metrics import Adequacy, InterruptionIndices, Service
+from resilience.dispatch.trapezoid import Trapezoid, lines_up_ratio, trapezoid
+from resilience.models.algebra import Floats
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+    from resilience.dispatch.base import World
+    from resilience.dispatch.trajectory import Trajectory
+
+Bools = np.ndarray
+
+
+def critical_loads(case: Case) -> Bools:
+    """(loads,) those marked `critical`; where none is, those of a priority above 1."""
+    marked = np.array([load.critical for load in case.load], bool)
+    if marked.any():
+        return marked
+    return np.array([load.priority > 1.0 for load in case.load], bool)
+
+
+def demand(world: World) -> Floats:
+    """(loads, slots, scenarios) MW that loads ask for."""
+    case = world.grid.case
+    every = np.arange(case.slots)
+    shape = (len(case.load), case.slots, world.scenarios.n)
+    rows = [load.p_max_mw * world.profile(load.profile, every) for load in case.load]
+    return np.array(rows).reshape(shape)
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Measures of one method; arrays are (episodes,), of days (days, episodes).
+
+    Attributes:
+        objective: $, operating cost less what the energy left is worth.
+        daily_cost: $, operating cost of every day.
+        daily_shed_mwh: MWh not served on every day.
+        service: what every episode had to go without.
+        adequacy: its expectations.
+        indices: interruptions by load.
+        shape: the trapezoid of the load served.
+        has_critical: whether any load counts as critical.
+    """
+
+    objective: Floats
+    daily_cost: Floats
+    daily_shed_mwh: Floats
+    service: Service
+    adequacy: Adequacy
+    indices: InterruptionIndices
+    shape: Trapezoid
+    has_critical: bool
+    run: Trajectory = field(repr=False)
+
+    @cached_property
+    def worst_day(self) -> tuple[float, int, int]:
+        """Operating cost in $ of the dearest day of any episode, its day and its episode."""
+        day, episode = np.unravel_index(np.argmax(self.daily_cost), self.daily_cost.shape)
+        return float(self.daily_cost[day, episode]), int(day), int(episode)
+
+
+def measure(world: World, run: Trajectory, asked: Floats) -> Measures:
+    """Measures a trajectory.
+
+    Args:
+        world: where it happened.
+        run: what happened.
+        asked: `demand` of the world.
+    """
+    case = world.grid.case
+    # The recourse sheds to within rounding of 0 and of the demand.
+    shed = np.clip(run.flow("load.shed"), 0.0, asked)
+    critical = critical_loads(case)
+    priority = np.array([load.priority for load in case.load])
+    chosen = {"critical": critical, "priority": priority}
+    likely = world.scenarios.probability
+    first = np.flatnonzero(np.diff(world.day, prepend=world.day[0] - 1))
+    return Measures(
+        objective=run.objective(world.end_value_per_mwh),
+        daily_cost=np.add.reduceat(run.cost, first, axis=0),
+        daily_shed_mwh=np.add.reduceat(shed.sum(0), first, axis=0) * case.step_h,
+        service=metrics.service(asked, shed, case.step_h, **chosen),
+        adequacy=metrics.adequacy(asked, shed, case.step_h, probability=likely, **chosen),
+        indices=metrics.interruption_indices(asked, shed, case.step_h),
+        shape=trapezoid(metrics.served_ratio(asked, shed), case.step_h),
+        has_critical=bool(critical.any()),
+        run=run,
+    )
+
+
+def infrastructure(world: World) -> Trapezoid:
+    """The trapezoid of the lines that are up, of those in service without a storm."""
+    up = world.line_up[world.grid.case.network.in_service]
+    return trapezoid(lines_up_ratio(up), world.grid.case.step_h)

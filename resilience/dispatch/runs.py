@@ -1,0 +1,129 @@
+"""Every method through every scenario: split over processes or a cluster, kept part by part.
+
+A part is a method and some scenarios, and what it gives depends on nothing but these: the parts are
+the same whoever works on them and however many do. A dispatcher that decides for all scenarios at
+once, by arithmetic alone, takes `TOGETHER` of them. One that keeps a solver's basis takes one:
+among decisions of equal cost the basis chooses, and it must not come from another scenario.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from resilience.dispatch.base import Dispatcher, World, simulate
+from resilience.dispatch.clairvoyant import Replay, clairvoyant
+from resilience.dispatch.engines import Engine, spread
+from resilience.dispatch.registry import BATCHED
+from resilience.dispatch.store import Store
+from resilience.dispatch.trajectory import Trajectory, joined
+from resilience.models.algebra import Ints
+from resilience.models.simulator import NetworkSimulator
+from resilience.progress import Meter, meter
+
+Factory = Callable[[World], Dispatcher]
+BOUND = "clairvoyant"
+TOGETHER = 64  # scenarios of a part that are stepped at once
+PROVEN = 8  # episodes of a part of the bound, which share the calm solve
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some scenarios of a world, and who acts in them; the bound has no dispatcher."""
+
+    name: str
+    world: World
+    make: Factory | None
+
+    def run(self, on_slot: Callable[[], None] | None = None) -> Trajectory:
+        """What happens."""
+        if self.make is None:
+            return self._bound(on_slot)
+        began = time.perf_counter(), time.process_time()
+        dispatcher = self.make(self.world)
+        wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
+        run = simulate(self.world, dispatcher, on_slot)
+        return replace(run, name=self.name, build_seconds=wall, build_cpu_seconds=cpu)
+
+    def _bound(self, on_slot: Callable[[], None] | None) -> Trajectory:
+        """The clairvoyant's: its solves are its building, since it decides everything at once."""
+        began = time.perf_counter(), time.process_time()
+        bound = clairvoyant(self.world)
+        wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
+        run = simulate(self.world, Replay(BOUND, bound.charging), on_slot)
+        return replace(run, proven=bound.objective, build_seconds=wall, build_cpu_seconds=cpu)
+
+
+def run_all(
+    world: World,
+    methods: Mapping[str, Factory],
+    *,
+    workers: int = 1,
+    engine: Engine = "local",
+    store: Store | None = None,
+) -> dict[str, Trajectory]:
+    """The trajectory of every method and of the clairvoyant, which carries the proven bound.
+
+    Args:
+        world: the storms.
+        methods: how to make every dispatcher.
+        workers: processes.
+        engine: who runs them.
+        store: where finished parts are kept, and taken from.
+    """
+    parts = [
+        Part(name, world.part(at), make)
+        for name, make in {BOUND: None, **methods}.items()
+        for at in _split(world.scenarios.n, _size(world, name, make))
+    ]
+    done: dict[int, Trajectory] = {}
+    total = world.grid.case.slots * world.scenarios.n * (len(methods) + 1)
+    with meter("dispatch", total) as progress:
+        for k, part in enumerate(parts):
+            kept = store.get(part.name, part.world, part.make) if store else None
+            if kept is not None:
+                done[k] = kept
+                progress.advance(kept.cost.size)
+        todo = [k for k in range(len(parts)) if k not in done]
+        for k, run in _run([parts[k] for k in todo], workers, engine, progress):
+            part = parts[todo[k]]
+            if store:
+                store.put(run, part.world, part.make)
+            done[todo[k]] = run
+    found: dict[str, list[Trajectory]] = {}
+    for k, part in enumerate(parts):
+        found.setdefault(part.name, []).append(done[k])
+    return {name: joined(runs) for name, runs in found.items()}
+
+
+def _size(world: World, name: str, make: Factory | None) -> int:
+    """Scenarios of one part."""
+    if make is None:
+        return PROVEN
+    alone = isinstance(world.simulator, NetworkSimulator)  # it keeps a basis, too
+    batched = name in BATCHED or getattr(make, "batched", False)
+    return TOGETHER if batched and not alone else 1
+
+
+def _split(n: int, size: int) -> list[Ints]:
+    return [np.arange(first, min(first + size, n)) for first in range(0, n, size)]
+
+
+def _run(
+    parts: Sequence[Part], workers: int, engine: Engine, progress: Meter
+) -> Iterator[tuple[int, Trajectory]]:
+    """Number and outcome of every part, as they are finished."""
+    if workers == 1 and engine == "local":
+        for k, part in enumerate(parts):
+            progress.on(part.name)
+            n = part.world.scenarios.n
+            yield k, part.run(partial(progress.advance, n))
+        return
+    for k, run in spread([part.run for part in parts], workers, engine):
+        progress.on(parts[k].name)
+        progress.advance(run.cost.size)
+        yield k, run

@@ -1,0 +1,119 @@
+"""A comparison as files, in a folder that appears whole or not at all.
+
+summary.json          what `--json` prints
+report.parquet, .csv  a row per method, see `columns.COLUMNS`
+differences.parquet   a row per two methods
+episodes.parquet      $ of every episode: a column per method, and the bound
+per_episode.parquet   a row per method and episode
+per_day.parquet       a row per method, episode and day
+slots/NAME.parquet    a row per episode and slot: cost, energy, and the power of every device
+trajectories/NAME.npz the same as arrays, exactly
+case.toml, scenarios.npz   what was run
+parts/                finished parts, if the comparison was made with `out`
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.case import case_text
+from resilience.dispatch import statistics
+from resilience.dispatch.store import FOLDER as PARTS
+from resilience.dispatch.trajectory_file import save_trajectories
+from resilience.results import check_replaceable, replacing
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from resilience.dispatch.judge import Report
+
+
+MARK = "summary.json"
+
+
+def check_folder(folder: Path) -> None:
+    """Refuses a folder that holds something else, before hours are spent.
+
+    Raises:
+        UsageError: it holds neither an earlier report nor parts of one.
+    """
+    check_replaceable(folder, MARK, PARTS)
+
+
+def save_report(report: Report, folder: Path) -> Path:
+    """Writes all files; an earlier report is replaced, finished parts are kept."""
+    import pandas as pd
+
+    with replacing(folder, MARK, keep=PARTS) as target:
+        report.frame().to_parquet(target / "report.parquet")
+        report.frame().to_csv(target / "report.csv")
+        report.differences().to_parquet(target / "differences.parquet")
+        pd.DataFrame({**report.objective, "bound": report.bound}).to_parquet(
+            target / "episodes.parquet"
+        )
+        per_episode(report).to_parquet(target / "per_episode.parquet")
+        per_day(report).to_parquet(target / "per_day.parquet")
+        (target / "slots").mkdir()
+        units = [unit.name for unit in report.case.ess]
+        for name, run in report.trajectories.items():
+            run.frame(units).to_parquet(target / "slots" / f"{name}.parquet")
+        save_trajectories(report.trajectories, target)
+        (target / "case.toml").write_text(case_text(report.case), encoding="utf-8")
+        report.scenarios.save(target / "scenarios.npz")
+        text = json.dumps(report.summary(), indent=2, allow_nan=False)
+        (target / MARK).write_text(text + "\n", encoding="utf-8")
+    return folder
+
+
+def per_episode(report: Report) -> pd.DataFrame:
+    """A row per method and episode: $, shares and indices of `metrics.Service` and others."""
+    import pandas as pd
+
+    rule, n = report.objective[report.reference], report.scenarios.n
+    tables = []
+    for name, found in report.measures.items():
+        columns = {
+            "method": np.full(n, name),
+            "episode": np.arange(n),
+            "probability": report.scenarios.probability,
+            "objective": found.objective,
+            "operating_cost": found.run.cost.sum(0),
+            "end_energy_mwh": found.run.credited_mwh,
+            "bound": report.bound,
+            "gap_percent": 100.0 * statistics.gap_to_bound(found.objective, report.bound),
+            "score": statistics.score(found.objective, rule, report.bound),
+            "asifi": found.indices.asifi,
+            "asidi_h": found.indices.asidi_h,
+        }
+        columns |= {key: np.asarray(value) for key, value in vars(found.service).items()}
+        if not found.has_critical:
+            del columns["critical_served_share"], columns["first_critical_shed_h"]
+        columns |= {f"trapezoid_{key}": value for key, value in vars(found.shape).items()}
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)
+
+
+def per_day(report: Report) -> pd.DataFrame:
+    """A row per method, episode and day: operating cost, shed energy, energy at both ends."""
+    import pandas as pd
+
+    day = report.world.day
+    first = np.flatnonzero(np.diff(day, prepend=day[0] - 1))
+    tables = []
+    for name, found in report.measures.items():
+        stored = found.run.energy.sum(0)
+        days, n = found.daily_cost.shape
+        columns = {
+            "method": np.full(days * n, name),
+            "episode": np.repeat(np.arange(n), days),
+            "day": np.tile(np.arange(days), n),
+            "operating_cost": found.daily_cost.T.ravel(),
+            "shed_mwh": found.daily_shed_mwh.T.ravel(),
+            "energy_start_mwh": stored[first].T.ravel(),
+        }
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)

@@ -1,0 +1,75 @@
+"""The data of every slot in all scenarios, worked out for many slots at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.models.algebra import Floats, Ints
+
+if TYPE_CHECKING:
+    from resilience.dispatch.base import World
+
+NODES = 4096  # slots times scenarios that are worked out together
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One slot in every scenario.
+
+    Attributes:
+        data: the data of every component by name, (labels, scenarios).
+        stacked: the same as the simulator takes it, (n_data, scenarios).
+        island: (buses of the merged graph, scenarios) number of each bus's island.
+    """
+
+    data: dict[str, Floats]
+    stacked: Floats
+    island: Ints
+
+
+class Slots:
+    """Slots of a world by their number; those of a stretch of time are kept until the next.
+
+    A situation costs as much for one node as for thousands, so a stretch has as many slots as make
+    `NODES` nodes with the scenarios.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.length = max(NODES // max(world.scenarios.n, 1), 1)
+        self.number, self.kept = -1, list[Slot]()
+
+    def __getitem__(self, t: int) -> Slot:
+        number, at = divmod(t, self.length)
+        if number != self.number:
+            self.number, self.kept = number, self._stretch(number * self.length)
+        return self.kept[at]
+
+    def _stretch(self, first: int) -> list[Slot]:
+        world, n = self.world, self.world.scenarios.n
+        slots = np.arange(first, min(first + self.length, world.grid.case.slots))
+        up = world.line_up[:, slots].reshape(len(world.line_up), len(slots) * n)
+        profiles: dict[str | None, Floats] = {}
+
+        def profile(name: str | None) -> Floats:
+            if name not in profiles:
+                profiles[name] = world.profile(name, slots).ravel()
+            return profiles[name]
+
+        situation = world.grid.situation(up, profile)
+        data = world.grid.data(situation)
+
+        def apart(array: np.ndarray) -> np.ndarray:
+            """(slots, labels, scenarios), each slot in one piece."""
+            whole = np.broadcast_to(array, (len(array), len(slots) * n))
+            return np.ascontiguousarray(whole.reshape(len(array), len(slots), n).swapaxes(0, 1))
+
+        named = {name: apart(values) for name, values in data.items()}
+        stacked, island = apart(world.simulator.stacked(data)), apart(situation.island)
+        return [
+            Slot({name: values[k] for name, values in named.items()}, stacked[k], island[k])
+            for k in range(len(slots))
+        ]

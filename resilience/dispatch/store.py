@@ -1,0 +1,103 @@
+"""Finished parts of a comparison on disk, so that an interrupted one goes on where it stopped.
+
+A part is called after a digest of all that it depends on: the case, its storms and forecast errors,
+the settings of the world, the method, and the code. Whatever is different has another name, so a
+folder may be used for any comparison, and one with a further method does the rest only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from resilience.dispatch.registry import DISPATCHERS
+from resilience.dispatch.trajectory import Trajectory
+from resilience.dispatch.trajectory_file import load_trajectory, save_trajectory
+
+if TYPE_CHECKING:
+    from resilience.dispatch.base import World
+
+FOLDER = "parts"
+MEANINGLESS = {"description", "path", "source", "simulator", "probability", "seed", "process"}
+
+
+class Store:
+    """Parts in a folder.
+
+    Args:
+        folder: that of the report; parts are kept in a folder of their own within.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / FOLDER
+
+    def get(self, name: str, world: World, make: Any) -> Trajectory | None:
+        """A part that was kept, None where there is none."""
+        path = self._path(name, world, make)
+        return load_trajectory(path) if path.is_file() else None
+
+    def put(self, run: Trajectory, world: World, make: Any) -> None:
+        """Keeps a part: its file appears whole or not at all."""
+        save_trajectory(run, self._path(run.name, world, make))
+
+    def _path(self, name: str, world: World, make: Any) -> Path:
+        digest = hashlib.sha256()
+        _feed(digest, [code(), name, _facts(world), _maker(name, make)])
+        first, last = world.index[[0, -1]]
+        return self.folder / f"{name}-{first}-{last}-{digest.hexdigest()[:24]}.npz"
+
+
+@cache
+def code() -> str:
+    """Digest of the sources of this package and of the solver's version."""
+    from importlib.metadata import version
+
+    root, digest = Path(__file__).parents[1], hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
+    _feed(digest, [version(name) for name in ("highspy", "numpy", "scipy")])
+    return digest.hexdigest()
+
+
+def _facts(world: World) -> list[Any]:
+    """What a part depends on apart from its method."""
+    told = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
+    return [world.grid.case, world.grid.physics, world.scenarios, world.outlook, told]
+
+
+def _maker(name: str, make: Any) -> Any:
+    """What identifies a dispatcher that is none of the package's own."""
+    if make is None or DISPATCHERS.get(name) is make:
+        return None
+    import cloudpickle
+
+    return cloudpickle.dumps(make)
+
+
+def _feed(digest: Any, value: Any) -> None:
+    """Takes a value into a digest, each kind with its own mark."""
+    digest.update(f"{type(value).__name__}:".encode())
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype} {value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, BaseModel):
+        digest.update(value.model_dump_json().encode())
+    elif is_dataclass(value):
+        _feed(digest, {f.name: getattr(value, f.name) for f in fields(value)})
+    elif isinstance(value, Mapping):
+        for key in sorted(value):
+            if key not in MEANINGLESS:
+                _feed(digest, [key, value[key]])
+    elif isinstance(value, list | tuple):
+        for item in value:
+            _feed(digest, item)
+    else:
+        digest.update(repr(value).encode())

@@ -1,0 +1,148 @@
+"""What a dispatcher did: costs, energy and powers, slot by slot and scenario by scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.models.algebra import Floats
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from resilience.case import Case
+    from resilience.models.simulator import Step
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """What a dispatcher did in every scenario.
+
+    Attributes:
+        cost: (slots, scenarios) $.
+        energy: (units, slots + 1, scenarios) MWh at the start of every slot, and at the end.
+        storage: (units, slots, scenarios) MW fed in, discharging positive.
+        flows: (columns, slots, scenarios) MW, see `Simulator.columns`.
+        seconds: for all decisions.
+        spill: (slots, scenarios) MW that had to be taken and could not be used.
+        left_mwh: (scenarios,) energy whose worth is credited: what is left at the end, or at every
+            midnight where the state of charge is reset; None: at the end.
+        cpu_seconds: of the processor for all decisions.
+        build_seconds, build_cpu_seconds: to make the dispatcher once.
+        proven: (scenarios,) $ that no method can stay below; of the clairvoyant only.
+    """
+
+    name: str
+    cost: Floats
+    energy: Floats
+    storage: Floats
+    flows: Floats
+    columns: tuple[str, ...]
+    step_h: float
+    seconds: float = field(compare=False)
+    spill: Floats | None = None
+    left_mwh: Floats | None = None
+    cpu_seconds: float = 0.0
+    build_seconds: float = 0.0
+    build_cpu_seconds: float = 0.0
+    proven: Floats | None = None
+
+    @classmethod
+    def blank(cls, name: str, columns: tuple[str, ...], case: Case, n: int) -> Trajectory:
+        """Room for `n` scenarios over the horizon of a case."""
+        units, slots = len(case.ess), case.slots
+        return cls(
+            name,
+            cost=np.zeros((slots, n)),
+            energy=np.zeros((units, slots + 1, n)),
+            storage=np.zeros((units, slots, n)),
+            flows=np.zeros((len(columns), slots, n)),
+            columns=columns,
+            step_h=case.step_h,
+            seconds=0.0,
+            spill=np.zeros((slots, n)),
+            left_mwh=np.zeros(n),
+        )
+
+    def record(self, t: int, step: Step) -> None:
+        """Writes what slot t did."""
+        self.cost[t] = step.cost
+        self.storage[:, t] = step.discharge - step.charge
+        self.flows[:, t] = step.flows
+        if self.spill is not None:
+            self.spill[t] = step.spill.sum(0)
+
+    @property
+    def n(self) -> int:
+        """Number of scenarios."""
+        return int(self.cost.shape[1])
+
+    def flow(self, kind: str) -> Floats:
+        """(devices, slots, scenarios) the flows of one kind, as `load.shed`."""
+        at = [k for k, name in enumerate(self.columns) if name.startswith(kind + "[")]
+        return self.flows[at]
+
+    @property
+    def shed_mwh(self) -> Floats:
+        """(scenarios,) energy not served."""
+        found: Floats = self.flow("load.shed").sum((0, 1)) * self.step_h
+        return found
+
+    @property
+    def credited_mwh(self) -> Floats:
+        """(scenarios,) energy left whose worth is credited."""
+        found: Floats = self.energy[:, -1].sum(0) if self.left_mwh is None else self.left_mwh
+        return found
+
+    def objective(self, value_per_mwh: float) -> Floats:
+        """(scenarios,) $: cost less what the energy left is worth."""
+        found: Floats = self.cost.sum(0) - value_per_mwh * self.credited_mwh
+        return found
+
+    def frame(self, units: Sequence[str]) -> pd.DataFrame:
+        """A row per episode and slot: $, MWh stored at its start, and MW of every device.
+
+        Storage feeds in when positive; the other columns are called as in the model.
+
+        Args:
+            units: names of the storage units.
+        """
+        import pandas as pd
+
+        slots, n = self.cost.shape
+        index = pd.MultiIndex.from_product([range(n), range(slots)], names=["episode", "slot"])
+        found = {"cost": self.cost}
+        found |= {f"energy[{name}]": self.energy[k, :-1] for k, name in enumerate(units)}
+        found |= {f"storage[{name}]": self.storage[k] for k, name in enumerate(units)}
+        found |= {name: self.flows[k] for k, name in enumerate(self.columns)}
+        if self.spill is not None:
+            found["spill"] = self.spill
+        return pd.DataFrame({name: v.T.ravel() for name, v in found.items()}, index=index)
+
+
+def joined(parts: Sequence[Trajectory]) -> Trajectory:
+    """One trajectory from parts of the scenarios, in their order.
+
+    Seconds of decisions add up; a dispatcher that was made more than once counts the longest time,
+    since what it keeps on disk is found there later.
+    """
+    if len(parts) == 1:
+        return parts[0]
+
+    def whole(name: str) -> Floats | None:
+        arrays = [getattr(part, name) for part in parts]
+        return None if arrays[0] is None else np.concatenate(arrays, axis=-1)
+
+    names = ("cost", "energy", "storage", "flows", "spill", "left_mwh", "proven")
+    arrays: dict[str, Any] = {name: whole(name) for name in names}
+    return replace(
+        parts[0],
+        **arrays,
+        seconds=sum(part.seconds for part in parts),
+        cpu_seconds=sum(part.cpu_seconds for part in parts),
+        build_seconds=max(part.build_seconds for part in parts),
+        build_cpu_seconds=max(part.build_cpu_seconds for part in parts),
+    )

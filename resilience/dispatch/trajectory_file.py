@@ -1,0 +1,83 @@
+"""Trajectories as files: one .npz per dispatcher, an array per field of `Trajectory`."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resilience.dispatch.base import Trajectory
+from resilience.errors import UsageError
+from resilience.results import replacing_file
+
+FOLDER = "trajectories"
+"""Where a saved comparison keeps them, `METHOD.npz` each."""
+
+
+def save_trajectory(run: Trajectory, path: str | Path) -> None:
+    """Writes a .npz file, whole or not at all; a field that is None is left out.
+
+    Raises:
+        UsageError: another suffix.
+    """
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise UsageError(
+            f"a trajectory cannot be kept in {path.name!r}; allowed suffix: .npz",
+            hint=f"{path.stem}.npz, say",
+        )
+    values = {f.name: getattr(run, f.name) for f in fields(run)}
+    arrays: dict[str, Any] = {k: np.asarray(v) for k, v in values.items() if v is not None}
+    with replacing_file(path) as fresh, fresh.open("wb") as binary:
+        np.savez_compressed(binary, **arrays)
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Reads what `save_trajectory` wrote.
+
+    Raises:
+        UsageError: no such file, or no trajectory in it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise UsageError(
+            f"trajectory file {path} does not exist", hint="`resilience compare --out` writes some"
+        )
+    try:
+        with np.load(path) as file:
+            found = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
+    except (zipfile.BadZipFile, EOFError, ValueError) as error:
+        raise _unreadable(path) from error
+    needed = {f.name for f in fields(Trajectory) if f.default is MISSING}
+    if not needed <= found.keys():
+        raise _unreadable(path)
+    return Trajectory(**found)
+
+
+def _unreadable(path: Path) -> UsageError:
+    return UsageError(
+        f"{path.name} holds no trajectory", hint="`resilience compare --out` writes such files"
+    )
+
+
+def _value(array: np.ndarray) -> Any:
+    """A number or text as itself, names as a tuple, everything else as the array it is."""
+    if array.ndim == 0:
+        return array.item()
+    return tuple(array.tolist()) if array.dtype.kind == "U" else array
+
+
+def save_trajectories(runs: Mapping[str, Trajectory], folder: Path) -> None:
+    """Writes every run as `folder/trajectories/METHOD.npz`; the method is the key of `runs`."""
+    for method, run in runs.items():
+        save_trajectory(run, folder / FOLDER / f"{method}.npz")
+
+
+def load_trajectories(folder: Path) -> dict[str, Trajectory]:
+    """Reads them all, by method; none where the folder has none."""
+    paths = sorted((folder / FOLDER).glob("*.npz"))
+    return {path.stem: load_trajectory(path) for path in paths}

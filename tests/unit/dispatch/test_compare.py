@@ -1,0 +1,362 @@
+"""A comparison on storms alike: every number against one worked out by hand, and what it states."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from small import small
+
+import resilience as rs
+from resilience.dispatch.base import Observation, World, simulate
+from resilience.dispatch.clairvoyant import Replay, clairvoyant
+from resilience.dispatch.columns import AC_COLUMNS, COLUMNS
+from resilience.dispatch.evaluate import compare, held_out, parse_error
+from resilience.dispatch.measures import critical_loads
+from resilience.dispatch.registry import DISPATCHERS
+from resilience.fragility.bell import Bell
+from resilience.fragility.forecast import ForecastError, sample_outlook
+from resilience.fragility.outages import sample_bell
+from resilience.models.algebra import Floats
+from resilience.models.microgrid import microgrid
+
+LIKELY = np.array([0.75, 0.25])
+
+
+def tiny(**more: float) -> World:
+    """Four half hours; in the second scenario, of probability 1/4, the last two are islanded.
+
+    0.6 MW to shed at 5 $/MWh and 0.4 MW critical at 10; 1 $/MWh from the grid; 0.5 MWh of storage,
+    empty. Idle pays 2 $ in calm, and 1 + 1 h * (0.6 * 5 + 0.4 * 10) = 8 $ in the storm. The
+    clairvoyant fills the storage for 0.5 $ in the storm only, serves the critical load and 0.1 MWh
+    of the other: 1 + 0.5 + 0.5 * 5 = 4 $. Rule 0.9 buys 0.45 MWh in both, and gives it in the first
+    slot of the island: sheds 0.05 + 0.3 MWh of the one load and 0.2 MWh of the critical one.
+    """
+    case = small(
+        slots=4,
+        step_min=30.0,
+        buses=2,
+        lines=[(1, 2, 0.01, 0.01)],
+        about=[{"name": "1-2", "breakpoint": True}],
+        load=[
+            {"bus": "2", "p_max_mw": 0.6, "shed_cost_per_mwh": 5.0},
+            {"bus": "2", "p_max_mw": 0.4, "shed_cost_per_mwh": 10.0, "critical": True},
+        ],
+        ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 0.5, "soc_initial": 0.0}],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+        **more,
+    )
+    down = np.zeros((1, 4, 2), bool)
+    down[0, 2:, 1] = True
+    return World.of(microgrid(case, "copperplate"), rs.Scenarios(("1-2",), down, LIKELY))
+
+
+@pytest.fixture(scope="module")
+def report() -> rs.Report:
+    return rs.evaluate(tiny(), ["idle"], ac=True)
+
+
+BY_HAND = {
+    "cost_per_day": (3.5 * 12, 3.1375 * 12, 2.5 * 12),
+    "cvar95_per_day": (8 * 12, 5.2 * 12, 4 * 12),
+    "worst_per_day": (8 * 12, 5.2 * 12, 4 * 12),
+    "worst_day": (8, 5.2, 4),
+    "gap_percent": (25.0, 100 * (0.75 * 0.225 + 0.25 * 0.3), 0.0),
+    "score": (0.75 * 1 - 0.25 * 2.8 / 1.2, 0.0, 1.0),
+    "over_rule_per_day": (0.3625 * 12, 0.0, -0.6375 * 12),
+    "perfect_information_per_day": (12.0, 0.6375 * 12, 0.0),
+    "end_energy_mwh": (0.0, 0.75 * 0.45, 0.0),
+    "shed_mwh_per_day": (0.25 * 12, 0.25 * 0.55 * 12, 0.25 * 0.5 * 12),
+    "shed_mw_slots_per_day": (0.5 * 12, 0.25 * 1.1 * 12, 0.25 * 1.0 * 12),
+    "eens_mwh": (0.25, 0.25 * 0.55, 0.125),
+    "lolp": (0.125, 0.125, None),
+    "lolp_episodes": (0.25, 0.25, 0.25),
+    "lole_h_per_day": (3.0, 3.0, None),
+    "served_percent": (87.5, 93.125, 93.75),
+    "critical_served_percent": (87.5, 93.75, 100.0),
+    "critical_whole": (0.75, 0.75, 1.0),
+    "asidi_h_per_day": (3.0, 0.25 * 12 * (0.6 * (0.35 / 0.6) + 0.4 * (0.2 / 0.4)), None),
+    "trapezoid_phi_per_h": (-0.5, None, None),
+    "trapezoid_lambda": (0.25, 0.25, None),
+    "trapezoid_e_h": (0.25, 0.125, None),
+    "trapezoid_pi_per_h": (0.0, 0.0, None),
+    "trapezoid_area": (0.875, 0.93125, 0.9375),
+    "asifi_per_day": (3.0, 3.0, None),
+}
+
+
+@pytest.mark.parametrize("column", BY_HAND)
+def test_columns_are_what_they_are_by_hand(report: rs.Report, column: str) -> None:
+    frame = report.frame()
+    for name, value in zip(("idle", "rule-0.9", "clairvoyant"), BY_HAND[column], strict=True):
+        if value is not None:
+            assert frame.loc[name, column] == pytest.approx(value, abs=1e-9), name
+
+
+def test_every_column_is_there_and_explained(report: rs.Report) -> None:
+    assert list(report.frame().columns) == [*COLUMNS, *AC_COLUMNS]
+    page = Path(__file__).parents[3] / "docs" / "concepts" / "evaluation.md"
+    text = page.read_text(encoding="utf-8")
+    missing = [column for column in (*COLUMNS, *AC_COLUMNS) if f"`{column}`" not in text]
+    assert not missing
+
+
+def test_times_are_taken_apart(report: rs.Report) -> None:
+    times = report.frame()[["build_s", "build_cpu_s", "ms_per_decision", "cpu_ms_per_decision"]]
+    assert (times >= 0).all(axis=None)
+    assert times.loc["clairvoyant", "build_s"] > 0
+    assert times.loc["idle", "ms_per_decision"] > 0
+
+
+def test_a_mean_over_episodes_that_are_not_alike_is_no_interquartile_mean(
+    report: rs.Report,
+) -> None:
+    assert report.frame()["iqm_per_day"].isna().all()
+
+
+def test_the_end_credit_is_worth_the_energy_left() -> None:
+    world = tiny(terminal=2.0)
+    run = simulate(world, DISPATCHERS["rule-0.9"](world))
+    assert run.objective(2.0) == pytest.approx([2.45 - 2 * 0.45, 5.2])
+    assert rs.evaluate(world, ["idle"]).end_value_per_mwh == 2.0
+
+
+def test_critical_loads_are_marked_or_have_priority() -> None:
+    load = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.0}
+    grid = [{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}]
+    first = small(load=[load, load | {"priority": 2.0}], grid=grid)
+    assert critical_loads(first).tolist() == [False, True]
+    second = small(load=[load | {"critical": True}, load | {"priority": 2.0}], grid=grid)
+    assert critical_loads(second).tolist() == [True, False]
+    assert not critical_loads(small(load=[load, load], grid=grid)).any()
+
+
+@pytest.fixture(scope="module")
+def day() -> World:
+    """One day, two storms."""
+    case = held_out(rs.load_case("ieee33-tou"), 1)
+    return World.of(
+        microgrid(case, "copperplate"), sample_bell(case, Bell(), 2, 5), end_value_per_mwh=0.12
+    )
+
+
+@pytest.fixture(scope="module")
+def short() -> World:
+    """Two days, three storms each."""
+    case = held_out(rs.load_case("ieee33-tou"), 2)
+    return World.of(
+        microgrid(case, "copperplate"), sample_bell(case, Bell(), 3, 5), end_value_per_mwh=0.12
+    )
+
+
+def test_days_begin_at_midnight_wherever_the_horizon_does(short: World) -> None:
+    case = short.grid.case.replace(start=short.grid.case.start.replace(hour=18), slots=96)
+    bell = Bell(centres=(90, 10))
+    world = World.of(microgrid(case, "copperplate"), sample_bell(case, bell, 4, 1))
+    assert np.flatnonzero(np.diff(world.day)).tolist() == [23]
+    assert world.scenarios.centre is not None
+    np.testing.assert_array_equal(world.centre(23), world.scenarios.centre[0])
+    np.testing.assert_array_equal(world.centre(24), world.scenarios.centre[1])
+
+
+def test_daily_costs_add_up(short: World) -> None:
+    found = rs.evaluate(short, ["rule"])
+    for name, measured in found.measures.items():
+        whole = measured.daily_cost.sum(0)
+        np.testing.assert_allclose(whole, found.trajectories[name].cost.sum(0))
+        cost, day, episode = measured.worst_day
+        assert cost == measured.daily_cost.max() == measured.daily_cost[day, episode]
+        assert measured.daily_cost.shape == (2, 3)
+
+
+def test_a_reset_run_is_its_days_alone_and_says_so(short: World) -> None:
+    """The bound of a reset path is the sum of the bounds of its days; so is the rule's cost."""
+    found = rs.evaluate(replace(short, reset_daily=True), ["rule"])
+    assert "reset every midnight" in found.warnings[0]
+    assert found.summary()["reset_daily"]
+    assert found.summary()["warnings"]
+    assert not rs.evaluate(short, ["rule"]).warnings
+    bounds, costs = np.zeros(3), np.zeros(3)
+    case, storms = short.grid.case, short.scenarios
+    for day in range(2):
+        alone = case.replace(start=case.start.replace(day=case.start.day + day), slots=96)
+        down = storms.down[:, 96 * day : 96 * (day + 1)]
+        assert storms.centre is not None
+        mine = rs.Scenarios(storms.lines, down, storms.probability, storms.centre[[day]])
+        world = World.of(microgrid(alone, "copperplate"), mine, end_value_per_mwh=0.12)
+        bounds += clairvoyant(world).objective
+        costs += simulate(world, DISPATCHERS["rule"](world)).objective(0.12)
+    np.testing.assert_allclose(found.bound, bounds, rtol=1e-9)
+    np.testing.assert_allclose(found.objective["rule"], costs, rtol=1e-9)
+    np.testing.assert_allclose(found.objective["clairvoyant"], found.bound, rtol=1e-7)
+
+
+class Listener:
+    """Notes what it is told; charges nothing."""
+
+    def __init__(self, world: World) -> None:
+        self.name, self.world = "listener", world
+
+    def act(self, seen: Observation) -> Floats:
+        assert (seen.centre == -1).all()
+        return np.zeros_like(seen.energy)
+
+
+def test_operators_are_told_no_centre_where_it_is_unknown(short: World) -> None:
+    found = rs.evaluate(replace(short, known_centre=False), {"listener": Listener})
+    assert not found.summary()["known_centre"]
+    assert "storm centre: unknown" in found.setting
+    with pytest.raises(AssertionError):
+        rs.evaluate(short, {"listener": Listener})
+
+
+@pytest.mark.parametrize("name", sorted(set(DISPATCHERS) - {"stochastic", "sddp"}))
+def test_nobody_beats_the_bound_where_forecasts_err(day: World, name: str) -> None:
+    """The bound knows the truth; a run is paid by the truth, and planned by what is expected."""
+    case = day.grid.case
+    outlook = sample_outlook(case, ForecastError(0.1, 0.9), 2, 9)
+    world = replace(day, outlook=outlook)
+    bound = clairvoyant(world)
+    run = simulate(world, DISPATCHERS[name](world))
+    assert (run.objective(0.12) >= bound.objective - 1e-6).all()
+    replayed = simulate(world, Replay("clairvoyant", bound.charging))
+    np.testing.assert_allclose(replayed.objective(0.12), bound.objective, rtol=1e-7)
+    every = np.arange(case.slots)
+    name = case.load[0].profile or ""
+    truth = world.profile(name, every)
+    assert np.abs(truth - case.profile(name)[:, None]).max() > 0.01
+    np.testing.assert_array_equal(world.forecast(7)(name, every[7:8]), truth[7:8])
+
+
+def test_forecast_errors_have_a_seed_of_their_own_and_are_stated() -> None:
+    settings = {"days": 1, "draws": 2, "seed": 3}
+    found = compare("ieee33", ["idle"], forecast_error="0.05,0.9", **settings)
+    exact = compare("ieee33", ["idle"], **settings)
+    np.testing.assert_array_equal(found.scenarios.down, exact.scenarios.down)
+    assert found.summary()["forecast_error"] == "sigma 0.05, correlation 0.9"
+    assert exact.summary()["forecast_error"] == "none"
+    assert (found.bound != exact.bound).all()
+    outlook = found.world.outlook
+    assert outlook is not None
+    own = sample_outlook(found.case, ForecastError(0.05, 0.9), 2, 3)
+    assert (outlook.error[:, 0] != own.error[:, 0]).all()
+    again = compare("ieee33", ["idle"], forecast_error="0.05,0.9", **settings)
+    np.testing.assert_array_equal(found.objective["idle"], again.objective["idle"])
+
+
+def test_forecast_errors_by_name() -> None:
+    assert parse_error("ar1") == ForecastError(0.025, 0.97)
+    assert parse_error("gaussian") == ForecastError(0.025, 0.0)
+    assert parse_error("0.1,0.5") == ForecastError(0.1, 0.5)
+    assert parse_error("none") is parse_error(None) is None
+    for text in ("often", "0.1", "0.1,0.2,0.3", "a,b"):
+        with pytest.raises(rs.UsageError, match="cannot be read"):
+            parse_error(text)
+    with pytest.raises(rs.UsageError, match="correlation"):
+        parse_error("0.1,1.0")
+
+
+def test_differences_are_between_any_two_methods(short: World) -> None:
+    found = rs.evaluate(short, ["rule", "idle", "greedy"])
+    frame = found.differences()
+    assert len(frame) == 5 * 4 / 2
+    assert (frame["per_day"] >= 0).all()
+    for _, pair in frame.iterrows():
+        mean = (found.objective[pair["method"]] - found.objective[pair["other"]]).mean() / 2
+        assert pair["per_day"] == pytest.approx(mean)
+        assert pair["low"] <= mean <= pair["high"]
+        assert pair["excludes_zero"] == (pair["low"] > 0 or pair["high"] < 0)
+
+
+def test_values_of_looking_further(day: World) -> None:
+    """What the blind window costs more than the fan, and what foresight would save of the fan."""
+    found = rs.evaluate(day.part(np.array([1])), ["mpc-blind", "stochastic"])
+    (one,) = found.value_of_stochastic_solution()
+    blind, many = (found.objective[name].mean() for name in ("mpc-blind", "stochastic"))
+    assert (one["deterministic"], one["stochastic"]) == ("mpc-blind", "stochastic")
+    assert one["per_day"] == pytest.approx(blind - many)
+    assert one["per_day"] > 0
+    information = found.frame().loc["stochastic", "perfect_information_per_day"]
+    assert information == pytest.approx(many - found.bound.mean())
+
+
+def test_a_report_is_saved_whole(report: rs.Report, tmp_path: Path) -> None:
+    report.save(tmp_path / "report")
+    folder = tmp_path / "report"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["physics"] == "copperplate"
+    assert {row["method"] for row in summary["methods"]} == set(report.objective)
+    assert summary["methods"][0]["iqm_per_day"] is None
+    assert summary["certificates"]["idle"]["not_converged"] == 0
+    assert summary["infrastructure"]["lambda_share"] == pytest.approx(0.25)
+    episodes = pd.read_parquet(folder / "episodes.parquet")
+    assert episodes["idle"].tolist() == pytest.approx([2, 8])
+    each = pd.read_parquet(folder / "per_episode.parquet").set_index(["method", "episode"])
+    assert each.loc[("idle", 1), "ens_mwh"] == pytest.approx(1.0)
+    assert each.loc[("idle", 1), "first_critical_shed_h"] == pytest.approx(1.0)
+    days = pd.read_parquet(folder / "per_day.parquet")
+    assert days.query("method == 'idle'")["operating_cost"].tolist() == pytest.approx([2, 8])
+    slots = pd.read_parquet(folder / "slots" / "rule-0.9.parquet")
+    assert slots.loc[(1, 2), "storage[ess1]"] == pytest.approx(0.9)
+    assert slots.loc[(1, 2), "load.shed[load1]"] == pytest.approx(0.1)
+    assert slots["cost"].sum() == pytest.approx(2.45 + 5.2)
+    again = rs.load_case(folder / "case.toml")
+    assert again.equals(report.case)
+
+
+def test_one_physics_for_everybody() -> None:
+    """A voltage band of 0.9 pu lets 0.19 / (2 * 0.15) MW through the line: idle sheds the rest.
+
+    The clairvoyant serves it from storage: 0.55 MWh for two hours, of 0.73 MWh that lack.
+    """
+    case = small(
+        buses=2,
+        lines=[(1, 2, 0.15, 0.0)],
+        load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0}],
+        ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 1.0, "soc_initial": 0.55}],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+    )
+    storms = rs.Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
+    through = 0.19 / 0.3
+    lack = 2.0 * (1.0 - through)
+    found = rs.evaluate(World.of(microgrid(case, "lindistflow"), storms), ["idle"])
+    assert found.summary()["physics"] == "lindistflow"
+    assert found.objective["idle"] == pytest.approx([2.0 * through + 9.0 * lack], rel=1e-6)
+    assert found.bound == pytest.approx([2.0 * through + 9.0 * (lack - 0.55)], rel=1e-6)
+    assert found.objective["clairvoyant"] == pytest.approx(found.bound, rel=1e-6)
+    free = rs.evaluate(World.of(microgrid(case, "copperplate"), storms), ["idle"])
+    assert free.objective["idle"] == pytest.approx([2.0])
+
+
+def test_nobody_beats_the_bound_on_the_network(day: World) -> None:
+    grid = microgrid(day.grid.case.replace(slots=24), "lindistflow")
+    storms = sample_bell(grid.case, Bell(centres=(8, 12), height=0.3), 2, 7)
+    found = rs.evaluate(World.of(grid, storms, end_value_per_mwh=0.12), ["rule", "greedy"])
+    for cost in found.objective.values():
+        assert (cost >= found.bound - 1e-6).all()
+    np.testing.assert_allclose(found.objective["clairvoyant"], found.bound, rtol=1e-6)
+
+
+def test_physics_that_nothing_simulates_is_refused() -> None:
+    with pytest.raises(rs.UsageError, match="steps lindistflow or copperplate, not distflow"):
+        compare("ieee33", ["idle"], days=1, draws=1, physics="distflow")
+
+
+def test_scenarios_may_come_from_a_file_and_must_fit(tmp_path: Path) -> None:
+    case = held_out(rs.load_case("ieee33"), 1)
+    storms = sample_bell(case, Bell(), 2, 4)
+    storms.save(tmp_path / "storms.npz")
+    found = compare("ieee33", ["idle"], days=1, scenarios=tmp_path / "storms.npz")
+    np.testing.assert_array_equal(found.scenarios.down, storms.down)
+    with pytest.raises(rs.UsageError, match="scenarios of 96 slots; allowed: 192"):
+        compare("ieee33", ["idle"], days=2, scenarios=storms)
+
+
+def test_the_bound_cannot_be_played() -> None:
+    with pytest.raises(rs.UsageError, match="a method is called 'clairvoyant'"):
+        rs.evaluate(tiny(), {"clairvoyant": Listener})
+    assert set(rs.evaluate(tiny(), ["clairvoyant"]).objective) == {"rule-0.9", "clairvoyant"}
