@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -17,7 +16,6 @@ from resilience.results import Plan, outage_texts
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema import DeviceTable
-    from resilience.dispatch.evaluate import Report
 
 SHOWN = 12  # names in a list before the rest is only counted
 GOOD = 1e-5  # scaled violation up to which a plan is called clean
@@ -30,6 +28,8 @@ def print_plan(plan: Plan, console: Console) -> None:
     for part in (_money_and_energy(plan, console.width), _shed(plan), _certificate(plan)):
         console.print()
         console.print(part)
+    if plan.outages:
+        console.print("This plan knew its outages; the operator's plan is --method stochastic.")
 
 
 def _verdict(plan: Plan) -> Text:
@@ -186,47 +186,3 @@ def _islands(case: Case) -> list[str]:
         shown = ", ".join(buses[:SHOWN]) + (f", ... ({len(buses)})" if len(buses) > SHOWN else "")
         found.append(f"  {shown}{dead}")
     return found
-
-
-def print_report(report: Report, console: Console) -> None:
-    """Prints a comparison: the episodes, the triviality test, and a row per dispatcher."""
-    frame = report.frame()
-    days = report.case.slots * report.case.step_h / 24.0
-    console.print(
-        Text.assemble(
-            (report.case.name, "bold"),
-            f"  {report.scenarios.n} episodes of {days:g} days from {report.case.start:%Y-%m-%d}, ",
-            f"copperplate, energy left worth {report.end_value_per_mwh:g} $/MWh",
-        )
-    )
-    room = report.triviality
-    verdict = "too little to rank methods" if room.trivial else "methods can be told apart"
-    console.print(
-        f"clairvoyant bound {report.bound.mean() / days:.4f} $/day; a battery kept full costs "
-        f"{100 * room.room_share:.2f} % more: {verdict}"
-    )
-    rows = []
-    for name, row in frame.iterrows():
-        ends = [row.get(f"over_rule_{end}", math.nan) for end in ("low", "high")]
-        low, high = ("" if math.isnan(end) else f"{end:+.2f}" for end in ends)
-        rows.append(
-            (
-                str(name),
-                f"{row['cost_per_day']:.3f}",
-                f"{row['gap_percent']:.2f}",
-                f"{row['score']:.2f}",
-                low,
-                high,
-                f"{row['worst_per_day']:.2f}",
-                f"{row['shed_mwh_per_day']:.3f}",
-                f"{100 * row['lolp']:.2f}",
-                f"{row['ms_per_decision']:.3f}",
-            )
-        )
-    heads = ["method", "$/day", "gap %", "score", "low", "high", "worst", "shed", "LOLP %", "ms"]
-    console.print(_grid("", rows, *heads))
-    console.print(
-        "low, high: $/day above rule-0.9, 95 % bootstrap interval of the paired difference; worst: "
-        "$/day of the worst episode; shed: MWh/day; ms: per decision",
-        style="dim",
-    )

@@ -1,0 +1,92 @@
+"""Pictures of what a folder holds: a plan, or a comparison and its storms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from resilience.errors import UsageError
+from resilience.plots.plan import plot_plan
+from resilience.plots.report import plot_report
+from resilience.plots.scenario_plan import plot_scenario_plan
+from resilience.plots.storm import plot_storm
+from resilience.plots.style import check_suffix
+
+if TYPE_CHECKING:
+    from resilience.dispatch.scenario_plan import ScenarioPlan
+    from resilience.results import Plan
+
+
+def draw_run(
+    run: Path,
+    out: Path | None = None,
+    *,
+    method: str | None = None,
+    episode: int | None = None,
+    day: str | None = None,
+) -> tuple[Path, str]:
+    """Draws what a folder holds: a plan, a comparison, or with `method` a storm of it.
+
+    Args:
+        run: the folder.
+        out: picture file; in the folder if omitted.
+        method: dispatchers, with commas.
+        episode: see `plot_storm`.
+        day: the same, as text.
+
+    Returns:
+        The picture, and the command that draws one storm where a comparison was drawn.
+
+    Raises:
+        UsageError: the folder holds nothing that can be drawn, or not what is asked for.
+    """
+    from resilience.dispatch.comparison import is_comparison, load_comparison
+    from resilience.dispatch.scenario_plan import holds_scenario_plan, load_scenario_plan
+    from resilience.dispatch.verdict import ranked
+    from resilience.results import load_plan
+
+    if out is not None:
+        check_suffix(out)
+    if not is_comparison(run):
+        _refuse(run, method=method, episode=episode, day=day)
+        target = out or run / "plan.png"
+        draw_plan(load_scenario_plan(run) if holds_scenario_plan(run) else load_plan(run), target)
+        return target, ""
+    if method is None and (episode is not None or day is not None):
+        raise UsageError(
+            "an episode or a day without a method; allowed: --method with them",
+            hint="the comparison as a whole is drawn without --episode and --day",
+        )
+    compared = load_comparison(run)
+    if method is None:
+        target = out or run / "report.png"
+        plot_report(compared, target)
+        best = ",".join(ranked(compared)[:2])
+        return target, f"resilience plot {run} --method {best}"
+    names = [name.strip() for name in method.split(",") if name.strip()]
+    target = out or run / f"storm-{'-'.join(names)}.png"
+    plot_storm(compared, names, episode, _day(day), target)
+    return target, ""
+
+
+def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
+    """Draws a plan of either kind. Raises `UsageError` for a suffix that is no picture format."""
+    from resilience.results import Plan
+
+    if isinstance(plan, Plan):
+        plot_plan(plan, path)
+    else:
+        plot_scenario_plan(plan, path)
+
+
+def _refuse(run: Path, **asked: object) -> None:
+    wrong = [f"--{name}" for name, value in asked.items() if value is not None]
+    if wrong and (run / "summary.json").is_file():
+        raise UsageError(
+            f"{', '.join(wrong)}: {run} holds a plan, no comparison",
+            hint="`resilience compare --out` writes a folder whose storms can be drawn",
+        )
+
+
+def _day(text: str | None) -> int | str | None:
+    return int(text) if text is not None and text.isdecimal() else text

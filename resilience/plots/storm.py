@@ -1,0 +1,174 @@
+"""One storm as dispatchers met it: power, storage, shedding, islands, lines, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.dispatch.comparison import Compared
+from resilience.plots import panels, style
+from resilience.plots.storm_choice import Day, Storm, storm
+from resilience.plots.storm_data import Deed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from resilience.models.algebra import Floats, Ints
+
+HEIGHTS = {"power": 2.4, "soc": 1.1, "shed": 1.1, "islands": 1.1, "lines": 0.6}
+"""Of the rows, in inches times 1.35."""
+
+
+def plot_storm(
+    compared: Compared,
+    methods: str | Sequence[str],
+    episode: int | None = None,
+    day: Day = None,
+    path: str | Path | None = None,
+) -> Figure:
+    """Draws one storm as one or several methods met it; with `path` it is also written there.
+
+    Args:
+        compared: a `Report`, or what `load_comparison` read.
+        methods: a method that was compared, or up to six; `clairvoyant` is one of them.
+        episode: number from 1. What is omitted of episode and day is chosen: where most is shed
+            in all, or, where nothing is, where lines are out for longest.
+        day: number from 1, or "all".
+        path: a .png, .pdf or .svg file.
+
+    Raises:
+        UsageError: a method, an episode or a day that the comparison does not have, or a suffix
+            that is no picture format.
+    """
+    if path is not None:
+        style.check_suffix(Path(path))
+    seen = storm(compared, methods, episode, day)
+    with style.look():
+        return style.keep(_draw(seen), path)
+
+
+def _draw(seen: Storm) -> Figure:
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    n = len(seen.deeds)
+    width = 9.0 if n == 1 else 1.6 + 3.7 * n
+    heights = _heights(seen)
+    figure = Figure(
+        figsize=(width, 1.2 + 1.35 * sum(heights.values())),
+        layout=ConstrainedLayoutEngine(wspace=0.05),
+    )
+    axes = figure.subplots(
+        len(heights), n, sharex=True, sharey="row", squeeze=False,
+        gridspec_kw={"height_ratios": list(heights.values())},
+    )  # fmt: skip
+    for k, (name, one) in enumerate(seen.deeds.items()):
+        rows = dict(zip(heights, axes[:, k], strict=True))
+        _column(rows, seen, one, last=k == n - 1)
+        head = f"{name}: {one.cost:.2f} $, {one.shed.sum() * seen.case.step_h:.2f} MWh shed"
+        rows["power"].set_title(style.plain(head), loc="left", fontsize=9, fontweight="bold")
+        style.time_axis(rows["lines"], seen.start, seen.hours, 1.0 if n == 1 else 0.55)
+        if k == 0:
+            _row_labels(rows)
+    most = max(float(one.shed.sum(0).max(initial=0.0)) for one in seen.deeds.values())
+    axes[2, 0].set_ylim(0.0, max(1.05 * most, 0.1))
+    _top(figure, axes[0], _title(seen))
+    return figure
+
+
+def _heights(seen: Storm) -> dict[str, float]:
+    """More room for more zones and lines, up to a limit."""
+    found = dict(HEIGHTS)
+    found["islands"] = min(max(0.5, 0.22 * len(seen.feeder.zones)), 2.2)
+    found["lines"] = min(max(0.4, 0.17 * len(seen.feeder.lines)), 1.6)
+    return found
+
+
+def _title(seen: Storm) -> str:
+    same = "" if len(seen.deeds) == 1 else ", the same storm for all"
+    return (
+        f"{seen.case.name} from {seen.start:%Y-%m-%d %H:%M} ({seen.which}{same}): "
+        "$ spent and MWh shed"
+    )
+
+
+def _column(rows: dict[str, Axes], seen: Storm, one: Deed, *, last: bool) -> None:
+    hours, shared = seen.hours, seen.feeder
+    _power(rows["power"], hours, one)
+    size = np.array([t.e_mwh for t in seen.case.ess])
+    panels.draw_soc(rows["soc"], hours, [t.name for t in seen.case.ess], one.soc, size)
+    _shed(rows["shed"], hours, seen.groups, one)
+    shown = panels.band_colours(shared.island, shared.on_grid)
+    labels = [
+        f"{zone} (grid)" if here else zone
+        for zone, here in zip(shared.zones, shared.on_grid, strict=True)
+    ]
+    panels.draw_band(rows["islands"], hours, labels, shown)
+    panels.draw_lines_out(rows["lines"], hours, shared.lines, shared.down)
+    for name, axis in rows.items():
+        if name not in ("islands", "lines"):
+            style.shade(axis, hours, shared.down)
+        for centre in shared.centre_h:
+            axis.axvline(centre, color="black", lw=1.0, ls=(0, (1, 1.5)))
+        style.open_frame(axis)
+    if last:
+        if seen.case.ess:
+            style.aside(rows["soc"])
+        if seen.groups:
+            style.aside(rows["shed"], reverse=True)
+        panels.band_legend(rows["islands"], shown)
+
+
+def _power(axis: Axes, hours: Floats, one: Deed) -> None:
+    panels.draw_power(axis, hours, one.fed, one.taken)
+    top = sum(one.fed.values(), np.zeros(len(hours) - 1))
+    if one.curtailed.max(initial=0.0) > 1e-4:
+        look = {"facecolor": "none", "edgecolor": "#b59410", "hatch": "....."}
+        style.stairs(axis, hours, top, top + one.curtailed, label="PV curtailed", **look)
+    panels.draw_demand(axis, hours, one.demand, one.shed.sum(0))
+
+
+def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], one: Deed) -> None:
+    import matplotlib as mpl
+
+    shades = mpl.colormaps[style.SHED](np.linspace(0.95, 0.3, max(len(groups), 2)))
+    top = np.zeros(len(hours) - 1)
+    for (name, at), colour in zip(groups, shades, strict=False):
+        shed = one.shed[at].sum(0)
+        style.stairs(axis, hours, top, top + shed, color=colour, label=name)
+        top = top + shed
+    if top.max(initial=0.0) < 1e-4:
+        words = "nothing is shed"
+        axis.text(0.5, 0.5, words, transform=axis.transAxes, ha="center", va="center")
+
+
+def _row_labels(rows: dict[str, Axes]) -> None:
+    words = {
+        "power": "power, MW",
+        "soc": "state of\ncharge",
+        "shed": "shed, MW",
+        "islands": "buses",
+        "lines": "lines\nout",
+    }
+    for name, axis in rows.items():
+        axis.set_ylabel(words[name])
+
+
+def _top(figure: Figure, axes: np.ndarray, title: str) -> None:
+    """The heading, and below it one legend for the power of all methods."""
+    from matplotlib.lines import Line2D
+
+    found: dict[str, Any] = {}
+    for axis in axes:
+        handles, labels = axis.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    found["storm centre"] = Line2D([], [], color="black", lw=1.0, ls=(0, (1, 1.5)))
+    figure.legend(
+        found.values(), found.keys(), title=style.plain(title), title_fontsize=10,
+        alignment="left", loc="outside upper left", ncols=8, frameon=False, fontsize=8,
+        columnspacing=1.4, handlelength=1.6,
+    )  # fmt: skip

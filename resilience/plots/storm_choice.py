@@ -1,0 +1,121 @@
+"""Which storm is drawn, and the arrays that are drawn of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.case.network import did_you_mean
+from resilience.dispatch.comparison import Compared, day_spans
+from resilience.errors import UsageError
+from resilience.plots.storm_data import Deed, Feeder, deed, feeder, load_groups
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+    from resilience.models.algebra import Floats, Ints
+
+Day = int | str | None
+MOST = 6  # methods beside each other
+
+
+@dataclass(frozen=True)
+class Storm:
+    """Everything that is drawn.
+
+    Attributes:
+        case: the case.
+        which: episode and day, in words.
+        start: time of the first slot drawn.
+        hours: (slots + 1,) begin of every slot, and the end, h.
+        feeder: what everybody shares.
+        deeds: what each method did.
+        groups: loads whose shedding is stacked.
+    """
+
+    case: Case
+    which: str
+    start: datetime
+    hours: Floats
+    feeder: Feeder
+    deeds: dict[str, Deed]
+    groups: list[tuple[str, Ints]]
+
+
+def storm(
+    compared: Compared,
+    methods: str | Sequence[str],
+    episode: int | None = None,
+    day: Day = None,
+) -> Storm:
+    """The arrays that `plot_storm` draws; arguments and errors as there."""
+    names = [methods] if isinstance(methods, str) else list(dict.fromkeys(methods))
+    _check(compared, names, episode, day)
+    case, scenarios = compared.case, compared.scenarios
+    spans = day_spans(case)
+    k, d = _worst(compared, names, spans, episode, day)
+    span = slice(0, case.slots) if day == "all" else spans[d]
+    shared = feeder(case, scenarios, k, span)
+    runs = {name: compared.trajectories[name] for name in names}
+    exact = getattr(compared, "forecast_error", "none") == "none"
+    deeds = {name: deed(case, run, shared, k, span, exact) for name, run in runs.items()}
+    return Storm(
+        case=case,
+        which=_which(k, d, scenarios.n, len(spans), day == "all"),
+        start=case.start + timedelta(hours=span.start * case.step_h),
+        hours=np.arange(span.stop - span.start + 1) * case.step_h,
+        feeder=shared,
+        deeds=deeds,
+        groups=load_groups(case, shared, [one.shed for one in deeds.values()]),
+    )
+
+
+def _which(episode: int, day: int, episodes: int, days: int, whole: bool) -> str:
+    part = f"all {days} days" if whole else f"day {day + 1} of {days}"
+    return f"{part}, episode {episode + 1} of {episodes}"
+
+
+def _check(compared: Compared, names: list[str], episode: int | None, day: Day) -> None:
+    known = list(compared.trajectories)
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise UsageError(
+            f"method {', '.join(map(repr, unknown))} was not compared; allowed: {', '.join(known)}",
+            hint=did_you_mean(unknown[0], known),
+        )
+    if not 0 < len(names) <= MOST:
+        raise UsageError(
+            f"{len(names)} methods; allowed: 1 to {MOST} beside each other", hint="name fewer"
+        )
+    _check_number("episode", episode, compared.scenarios.n, "")
+    if day != "all":
+        _check_number("day", day, len(day_spans(compared.case)), ", or all")
+
+
+def _check_number(what: str, value: int | str | None, most: int, also: str) -> None:
+    if value is not None and not (isinstance(value, int) and 1 <= value <= most):
+        raise UsageError(
+            f"{what} {value}; allowed: 1 to {most}{also}", hint=f"{what}s count from 1"
+        )
+
+
+def _worst(
+    compared: Compared, names: list[str], spans: list[slice], episode: int | None, day: Day
+) -> tuple[int, int]:
+    """Episode and day, counted from 0: as asked for, or where most is shed, or most is out."""
+    begin = [span.start for span in spans]
+    shed = sum(compared.trajectories[name].flow("load.shed").sum(0) for name in names)
+    out = compared.scenarios.down.sum(0)
+    score = np.add.reduceat(np.round(shed, 6), begin, axis=0)
+    if not score.any():
+        score = np.add.reduceat(out, begin, axis=0)
+    allowed = np.ones(score.shape, bool)
+    if isinstance(day, int):
+        allowed &= np.arange(len(spans))[:, None] == day - 1
+    if episode is not None:
+        allowed &= np.arange(score.shape[1])[None] == episode - 1
+    at = np.unravel_index(np.where(allowed, score, -1.0).argmax(), score.shape)
+    return int(at[1]), int(at[0])

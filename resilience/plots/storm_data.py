@@ -1,0 +1,215 @@
+"""What is drawn of one storm, as arrays: the feeder, the same for all, and what each method did.
+
+Zones are the parts of the feeder that no line which may fail cuts: buses of a zone always share an
+island. Power is MW, time is in slots of the span that is drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from resilience.case import Case, Network
+from resilience.dispatch.base import Trajectory
+from resilience.fragility.bell import REFERENCE_MIN
+from resilience.fragility.scenarios import Scenarios
+from resilience.models.algebra import Floats, Ints
+from resilience.models.network import closable, merge
+from resilience.models.situation import Situation
+
+GROUPS = 6  # of loads that are shed; what else is shed is one more
+LETTERS = 12  # of the name of a zone, unless the first of its buses has more
+OTHERS = "others"
+
+
+@dataclass(frozen=True)
+class Feeder:
+    """The feeder in one storm, the same for every method.
+
+    Attributes:
+        zones: name of every zone, the buses that belong to it.
+        zone_of: (buses of the case,) zone of every bus.
+        on_grid: (zones,) whether a grid connection stands there.
+        island: (zones, slots) number of the zone's island from 1; 0 where it has no source.
+        lines: lines that are out at some time of the span.
+        down: (lines, slots) when.
+        centre_h: where the hazard peaks, h from the start of the span.
+    """
+
+    zones: tuple[str, ...]
+    zone_of: Ints
+    on_grid: np.ndarray
+    island: Ints
+    lines: tuple[str, ...]
+    down: np.ndarray
+    centre_h: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Deed:
+    """What one method did in the span. Sources less what is taken and spilled is demand less shed.
+
+    Attributes:
+        fed: grid, generators, PV and storage, (slots,) MW each.
+        taken: by storage and by the grid, (slots,) MW each.
+        spilled: (slots,) MW that had to be taken and could not be used.
+        curtailed: (slots,) MW of PV that could have been fed in; zero where only its forecast is
+            known.
+        demand: (slots,) MW asked for.
+        shed: (loads, slots) MW not served.
+        soc: (units, slots + 1) share of the capacity.
+        cost: $ of the span.
+    """
+
+    fed: dict[str, Floats]
+    taken: dict[str, Floats]
+    spilled: Floats
+    curtailed: Floats
+    demand: Floats
+    shed: Floats
+    soc: Floats
+    cost: float
+
+
+def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> Feeder:
+    """The feeder in the slots `span` of an episode, counted from 0."""
+    network = closable(case.network)
+    fallible = network.breakpoint | np.isin(network.line_names, scenarios.lines)
+    # A rating splits no island, so it may not split a zone.
+    whole = replace(network, rating_mva=np.full(len(network.line_names), np.inf))
+    merged, zone_of = merge(whole, fallible)
+    lines_of = [case.network.line(name) for name in merged.line_names]
+    up = scenarios.line_up(case.network.line_names)[lines_of, span, episode]
+
+    def standing(kinds: tuple[str, ...]) -> np.ndarray:
+        """(zones,) whether a grid-forming device of some kinds stands there."""
+        units = [t for kind in kinds for t in getattr(case, kind) if t.grid_forming]
+        found = np.zeros(len(merged.bus_names), bool)
+        found[[zone_of[case.network.bus(t.bus)] for t in units]] = True
+        return found
+
+    ends = np.stack([merged.from_bus, merged.to_bus])
+    forming = standing(("ess", "generator", "grid"))
+    situation = Situation(case.profile, merged.line_names, ends, up, forming, up.shape[1])
+    down = scenarios.down[:, span, episode]
+    hit = np.flatnonzero(down.any(axis=1))
+    return Feeder(
+        zones=zone_names(case.network, zone_of),
+        zone_of=zone_of,
+        on_grid=standing(("grid",)),
+        island=(situation.island + 1) * (situation.alive > 0),
+        lines=tuple(scenarios.lines[k] for k in hit),
+        down=down[hit],
+        centre_h=_centres(case, scenarios, episode, span),
+    )
+
+
+def _centres(case: Case, scenarios: Scenarios, episode: int, span: slice) -> tuple[float, ...]:
+    if scenarios.centre is None:
+        return ()
+    first, stop = span.start * case.step_h, span.stop * case.step_h
+    midnight = -(case.start.hour + case.start.minute / 60.0)
+    centre_h = scenarios.centre[:, episode] * REFERENCE_MIN / 60.0
+    at = midnight + 24.0 * np.arange(len(centre_h)) + centre_h
+    return tuple(float(h - first) for h in at[(at >= first) & (at < stop)])
+
+
+def zone_names(network: Network, zone_of: Ints) -> tuple[str, ...]:
+    """Names of zones: `2–18, 33` where buses are numbered; the first few buses where many."""
+    zones: list[list[str]] = [[] for _ in range(int(zone_of.max()) + 1)]
+    for name, zone in zip(network.bus_names, zone_of, strict=True):
+        zones[zone].append(name)
+    return tuple(_zone_name(names) for names in zones)
+
+
+def _zone_name(names: list[str]) -> str:
+    if all(name.isdigit() for name in names):
+        runs: list[list[int]] = []
+        for number in sorted(map(int, names)):
+            if runs and number == runs[-1][1] + 1:
+                runs[-1][1] = number
+            else:
+                runs.append([number, number])
+        names = [f"{a}" if a == b else f"{a}–{b}" for a, b in runs]
+    shown = names[:1]
+    while len(shown) < len(names) and len(", ".join([*shown, names[len(shown)]])) <= LETTERS:
+        shown.append(names[len(shown)])
+    return ", ".join(shown) + (", ..." if len(shown) < len(names) else "")
+
+
+def deed(
+    case: Case, run: Trajectory, feeder_: Feeder, episode: int, span: slice, exact: bool = True
+) -> Deed:
+    """What a method did in the slots `span` of an episode, counted from 0.
+
+    `exact`: the profiles of the case are what came true.
+    """
+
+    def flow(kind: str) -> Floats:
+        found: Floats = run.flow(kind)[:, span, episode]
+        return found
+
+    slots = span.stop - span.start
+    storage = run.storage[:, span, episode]
+    pv, shed = flow("pv.p"), flow("load.shed")
+    fed = {
+        "grid": flow("grid.import").sum(0),
+        "generators": flow("generator.p").sum(0),
+        "PV": pv.sum(0),
+        "storage": np.maximum(storage, 0.0).sum(0),
+    }
+    taken = {"storage": np.maximum(-storage, 0.0).sum(0), "grid": flow("grid.export").sum(0)}
+    spilled = np.zeros(slots) if run.spill is None else run.spill[span, episode]
+    net: Floats = sum(fed.values(), np.zeros(slots)) - sum(taken.values(), np.zeros(slots))
+    size = np.array([t.e_mwh for t in case.ess])
+    unused = np.maximum(_sun(case, feeder_, span) - pv, 0.0).sum(0)
+    energy = run.energy[:, span.start : span.stop + 1, episode]
+    return Deed(
+        fed=fed,
+        taken=taken,
+        spilled=spilled,
+        curtailed=unused if exact else np.zeros(slots),
+        demand=net - spilled + shed.sum(0),
+        shed=shed,
+        soc=energy / size[:, None],
+        cost=float(run.cost[span, episode].sum()),
+    )
+
+
+def _sun(case: Case, feeder_: Feeder, span: slice) -> Floats:
+    """(plants, slots) MW that PV could feed in; nothing in a dead island."""
+    zones = [feeder_.zone_of[case.network.bus(t.bus)] for t in case.pv]
+    sun = np.array([t.p_max_mw * case.profile(t.profile)[span] for t in case.pv])
+    return sun.reshape(len(zones), span.stop - span.start) * (feeder_.island[zones] > 0)
+
+
+def load_groups(case: Case, feeder_: Feeder, sheds: list[Floats]) -> list[tuple[str, Ints]]:
+    """Loads in a few groups, by name: each by itself where few are shed, else by zone.
+
+    Args:
+        case: has the loads.
+        feeder_: has the zones.
+        sheds: (loads, slots) MW of every method drawn; the groups most shed come first.
+    """
+    total = sum((shed.sum(1) for shed in sheds), np.zeros(len(case.load)))
+    hit = np.flatnonzero(total > 1e-6)
+    if len(hit) <= GROUPS:
+        parts = [(case.load[k].name, np.array([k])) for k in hit]
+    else:
+        zone = np.array([feeder_.zone_of[case.network.bus(t.bus)] for t in case.load])
+        parts = [(feeder_.zones[z], hit[zone[hit] == z]) for z in np.unique(zone[hit])]
+        parts = [(f"{_loads(len(at))}, {_buses(name)}", at) for name, at in parts]
+    parts.sort(key=lambda part: -float(total[part[1]].sum()))
+    rest = parts[GROUPS:]
+    if rest:
+        parts = [*parts[:GROUPS], (OTHERS, np.concatenate([at for _, at in rest]))]
+    return parts
+
+
+def _loads(n: int) -> str:
+    return "1 load" if n == 1 else f"{n} loads"
+
+
+def _buses(zone: str) -> str:
+    return f"bus {zone}" if zone.isdigit() else f"buses {zone}"

@@ -1,0 +1,140 @@
+"""What all pictures share: colours that the colour blind can tell apart, time axes, files."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.errors import UsageError
+from resilience.results import replacing_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from resilience.models.algebra import Floats
+
+COLOURS = {
+    "grid": "#9a9a9a",
+    "generators": "#d55e00",
+    "PV": "#f0c93a",
+    "storage": "#0072b2",
+    "shed": "#a3157e",
+    "demand": "#000000",
+}
+"""Okabe and Ito (2008), the yellow a little darker; shed is the dark end of `SHED`."""
+SHED = "RdPu"
+"""Colour map of groups of loads that are shed."""
+STORMY = "#4b5563"
+"""Lines that are out."""
+METHODS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8a6d3b")
+MARKERS = "osD^vPX*"
+SUFFIXES = (".png", ".pdf", ".svg")
+DPI = 150
+TICKS_H = (0.25, 0.5, 1, 2, 3, 4, 6, 12)
+WITHIN = 13  # most ticks of a time axis of full width
+
+
+def check_suffix(path: Path) -> None:
+    """Raises UsageError unless the suffix is a picture format."""
+    if path.suffix not in SUFFIXES:
+        raise UsageError(
+            f"cannot draw to {path.name!r}; allowed suffixes: {', '.join(SUFFIXES)}",
+            hint=f"{path.stem}.png, say",
+        )
+
+
+def look() -> AbstractContextManager[None]:
+    """Letters a little smaller than usual, for everything drawn within."""
+    import matplotlib as mpl
+
+    return mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8})
+
+
+def keep(figure: Figure, path: str | Path | None) -> Figure:
+    """Writes the figure where there is a path, whole or not at all."""
+    if path is not None:
+        with replacing_file(Path(path)) as fresh:
+            figure.savefig(fresh, dpi=DPI)
+    return figure
+
+
+def plain(text: str) -> str:
+    """The text without mathematics: a dollar is a dollar."""
+    return text.replace("$", r"\$")
+
+
+def headed(figure: Figure, text: str) -> None:
+    """A heading above all panels, on the left."""
+    figure.suptitle(plain(text), fontsize=10, x=0.01, ha="left")
+
+
+def open_frame(axis: Axes) -> None:
+    """Leaves the left and the lower side of the frame."""
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+
+
+def aside(axis: Axes, **style: Any) -> None:
+    """A legend to the right of a panel, its entries stacked as what they stand for is."""
+    axis.legend(
+        loc="center left",
+        bbox_to_anchor=(1.0, 0.5),
+        frameon=False,
+        fontsize=8,
+        handlelength=1.2,
+        **style,
+    )
+
+
+def stairs(axis: Axes, hours: Floats, bottom: Floats, top: Floats, **style: Any) -> None:
+    """Fills what is between two lines that are constant within a slot."""
+    axis.fill_between(hours, held(bottom), held(top), step="post", lw=0, **style)
+
+
+def held(values: Floats) -> Floats:
+    """(slots + 1,) the values, the last one to the end of its slot."""
+    return np.append(values, values[-1:])
+
+
+def steps(axis: Axes, hours: Floats, values: Floats, **style: Any) -> None:
+    """A line that is constant within a slot."""
+    axis.step(hours, held(values), where="post", **style)
+
+
+def shade(axis: Axes, hours: Floats, down: np.ndarray) -> None:
+    """Grey where any line is out; `down` is (lines, slots)."""
+    out = np.pad(down.any(axis=0).astype(int), 1)
+    for first, stop in zip(
+        np.flatnonzero(np.diff(out) == 1), np.flatnonzero(np.diff(out) == -1), strict=True
+    ):
+        axis.axvspan(hours[first], hours[stop], color="#e5e7eb", lw=0, zorder=-1)
+
+
+def time_axis(axis: Axes, start: datetime, hours: Floats, width: float = 1.0) -> None:
+    """Clock times where the span is two days or less, else dates.
+
+    Args:
+        axis: the lowest panel.
+        start: time of hour 0.
+        hours: (slots + 1,) begin of every slot, and the end.
+        width: share of a full page that the panel has.
+    """
+    last, room = float(hours[-1]), WITHIN * width
+    axis.set_xlim(float(hours[0]), last)
+    if last <= 48.0:
+        step = next((s for s in TICKS_H if last / s <= room), 24)
+        ticks = np.arange(0.0, last + 1e-9, step)
+        words = [f"{start + timedelta(hours=float(h)):%H:%M}" for h in ticks]
+        axis.set_xlabel(f"time of day, from {start:%Y-%m-%d}")
+    else:
+        every = max(int(np.ceil(last / 24.0 / room)), 1)
+        midnight = (24.0 - start.hour - start.minute / 60.0) % 24.0
+        ticks = np.arange(midnight, last + 1e-9, 24.0 * every)
+        words = [f"{start + timedelta(hours=float(h)):%d %b}" for h in ticks]
+        axis.set_xlabel(f"midnights, from {start:%Y-%m-%d}")
+    axis.set_xticks(ticks, words)
