@@ -13,6 +13,7 @@ from pathlib import Path
 from bench.linear import relaxed
 from bench.row import Row, below, timed
 from resilience.case import load_case
+from resilience.dispatch.plan import solve
 from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
@@ -38,6 +39,8 @@ def day() -> Iterator[Row]:
     yield below("LP, 96 slots x 33 buses", seconds, 1.0, "s", found.status)
     seconds, root = timed(_solve, Conic(ac.standard), ac.vectors)
     yield below("SOCP, 96 slots x 33 buses", seconds, 5.0, "s", f"{root.status}, imports included")
+    seconds, plan = timed(solve, "large", "lp")
+    yield below("lp on the large case, 975 buses", seconds, 60.0, "s", plan.status)
     polish = NLP(ac.standard)
     polish.start_from(root.point)
     seconds, found = timed(_solve, polish, ac.vectors)

@@ -13,8 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network, Outage, case_names, load_case, parse_outages
-    from resilience.dispatch.evaluate import Report, compare
+    from resilience.dispatch.certify import certify_trajectory
+    from resilience.dispatch.comparison import Comparison, load_comparison
+    from resilience.dispatch.evaluate import Report, compare, evaluate
     from resilience.dispatch.plan import solve
+    from resilience.dispatch.scenario_plan import ScenarioPlan, load_scenario_plan
+    from resilience.dispatch.sddp.values import WaterValues, water_values
+    from resilience.dispatch.trajectory import Trajectory
     from resilience.errors import (
         CaseError,
         InfeasibleError,
@@ -22,7 +27,13 @@ if TYPE_CHECKING:
         SolverError,
         UsageError,
     )
-    from resilience.plot import plot_plan
+    from resilience.fragility.scenarios import Scenarios
+    from resilience.models.replay import replay
+    from resilience.plots.plan import plot_plan
+    from resilience.plots.report import plot_report
+    from resilience.plots.scenario_plan import plot_scenario_plan
+    from resilience.plots.storm import plot_storm
+    from resilience.plots.water import plot_water_values
     from resilience.results import Plan, load_plan
 
 _HOMES = {
@@ -32,15 +43,30 @@ _HOMES = {
     "case_names": "case",
     "load_case": "case",
     "parse_outages": "case",
+    "Comparison": "dispatch.comparison",
+    "load_comparison": "dispatch.comparison",
     "Report": "dispatch.evaluate",
+    "certify_trajectory": "dispatch.certify",
     "compare": "dispatch.evaluate",
+    "evaluate": "dispatch.evaluate",
     "solve": "dispatch.plan",
+    "ScenarioPlan": "dispatch.scenario_plan",
+    "load_scenario_plan": "dispatch.scenario_plan",
+    "WaterValues": "dispatch.sddp.values",
+    "water_values": "dispatch.sddp.values",
+    "plot_scenario_plan": "plots.scenario_plan",
+    "Trajectory": "dispatch.trajectory",
+    "Scenarios": "fragility.scenarios",
     "CaseError": "errors",
     "InfeasibleError": "errors",
     "ResilienceError": "errors",
     "SolverError": "errors",
     "UsageError": "errors",
-    "plot_plan": "plot",
+    "replay": "models.replay",
+    "plot_plan": "plots.plan",
+    "plot_report": "plots.report",
+    "plot_storm": "plots.storm",
+    "plot_water_values": "plots.water",
     "Plan": "results",
     "load_plan": "results",
 }
@@ -48,21 +74,36 @@ _HOMES = {
 __all__ = [
     "Case",
     "CaseError",
+    "Comparison",
     "InfeasibleError",
     "Network",
     "Outage",
     "Plan",
     "Report",
     "ResilienceError",
+    "ScenarioPlan",
+    "Scenarios",
     "SolverError",
+    "Trajectory",
     "UsageError",
+    "WaterValues",
     "case_names",
+    "certify_trajectory",
     "compare",
+    "evaluate",
     "load_case",
+    "load_comparison",
     "load_plan",
+    "load_scenario_plan",
     "parse_outages",
     "plot_plan",
+    "plot_report",
+    "plot_scenario_plan",
+    "plot_storm",
+    "plot_water_values",
+    "replay",
     "solve",
+    "water_values",
 ]
 
 

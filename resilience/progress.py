@@ -1,12 +1,13 @@
-"""Named phases of long work: announced as they begin, timed when they end."""
+"""Long work: named phases, announced as they begin and timed when they end, and how far it is."""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
 
 log = logging.getLogger("resilience")
 _seconds: ContextVar[dict[str, float] | None] = ContextVar("seconds", default=None)
@@ -34,3 +35,56 @@ def stopwatch() -> Iterator[dict[str, float]]:
         yield seconds
     finally:
         _seconds.reset(token)
+
+
+@dataclass
+class Meter:
+    """How far counted work is.
+
+    Attributes:
+        kind: what is done.
+        total: how much there is.
+        done: how much of it is finished.
+        detail: what is at work now.
+        show: who is told of every change, if anybody.
+    """
+
+    kind: str
+    total: int
+    done: int = 0
+    detail: str = ""
+    show: Callable[[Meter], None] | None = None
+    _named: set[str] = field(default_factory=set, repr=False)
+
+    def advance(self, amount: int) -> None:
+        """So much more is finished."""
+        self.done += amount
+        if self.show is not None:
+            self.show(self)
+
+    def on(self, detail: str) -> None:
+        """Something else is at work; it is announced once."""
+        self.detail = detail
+        if detail not in self._named:
+            self._named.add(detail)
+            log.info(f"{self.kind} ({detail})")
+
+
+_viewer: ContextVar[Callable[[Meter], None] | None] = ContextVar("viewer", default=None)
+
+
+@contextmanager
+def meter(kind: str, total: int) -> Iterator[Meter]:
+    """Counted work, shown to whoever watches; its seconds count under `kind` as a phase's do."""
+    with phase(kind):
+        yield Meter(kind, total, show=_viewer.get())
+
+
+@contextmanager
+def watching(show: Callable[[Meter], None]) -> Iterator[None]:
+    """Calls `show` with every meter that changes within the block."""
+    token = _viewer.set(show)
+    try:
+        yield
+    finally:
+        _viewer.reset(token)

@@ -44,6 +44,7 @@ UNITS = {
     "line_closed": "1 where the line can carry power",
     "island": "number of the island a bus belongs to; 0 is dead",
     "on": "1 where a generator runs",
+    "variables": "every variable of the model, as `ess.charge[ess1]`, in its own unit",
 }
 """Every table that a plan may have, and what it holds."""
 
@@ -183,6 +184,11 @@ def load_plan(folder: str | Path) -> Plan:
             hint="name the folder given to --out",
         )
     summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
+    if summary.keys() != {f.name for f in fields(Plan)} - {"tables", "case"}:
+        raise UsageError(
+            f"{root} holds another kind of result than a plan",
+            hint="load_scenario_plan reads plans over scenarios",
+        )
     tables = {}
     for name in UNITS:
         if (root / f"{name}.parquet").is_file():
@@ -196,18 +202,30 @@ def load_plan(folder: str | Path) -> Plan:
     return Plan(**summary, tables=tables, case=case)
 
 
-@contextmanager
-def replacing(folder: Path, mark: str) -> Iterator[Path]:
-    """A new folder that takes the place of `folder` when the block ends well.
+def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
+    """Names of what is in a folder that `replacing` may replace.
 
-    An existing folder is replaced only if it is empty or holds the file `mark`.
+    Raises:
+        UsageError: it is a file, or holds something that is no earlier result.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file", hint="name a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / mark).is_file():
+    there = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+    if set(there) - {keep} and mark not in there:
         raise UsageError(
             f"{folder} is not empty and holds no earlier result", hint="name a new folder"
         )
+    return there
+
+
+@contextmanager
+def replacing(folder: Path, mark: str, keep: str = "") -> Iterator[Path]:
+    """A new folder that takes the place of `folder` when the block ends well.
+
+    An existing folder is replaced only if it is empty or holds the file `mark`; its sub-folder
+    `keep` does not count, and moves on to the new one.
+    """
+    there = check_replaceable(folder, mark, keep)
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
@@ -217,6 +235,8 @@ def replacing(folder: Path, mark: str) -> Iterator[Path]:
             old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
             os.replace(folder, old / "was")
             os.replace(fresh, folder)
+            if keep and keep in there:
+                os.replace(old / "was" / keep, folder / keep)
             shutil.rmtree(old)
         else:
             os.replace(fresh, folder)

@@ -107,6 +107,30 @@ def test_out_writes_tables_that_plot_and_solve_read_again(tiny: Path, tmp_path: 
     assert json.loads(again.stdout)["objective"] == pytest.approx(26.0)
 
 
+def test_a_comparison_is_saved_drawn_and_drawn_again(tiny: Path, tmp_path: Path) -> None:
+    wires = 'bus = [{ name = "1", vn_kv = 9.9 }, { name = "2", vn_kv = 9.9 }]\n'
+    wires += 'line = [{ from = "1", to = "2", r_ohm = 0.5, x_ohm = 0.3 }]\n'
+    wires += '[[line]]\nname = "1-2"\nbreakpoint = true\n'
+    text = TINY.replace('bus = [{ name = "1", vn_kv = 12.66 }]\n', wires)
+    text += '[[ess]]\nname = "battery"\nbus = "1"\np_max_mw = 1.0\ne_mwh = 2.0\n'
+    tiny.write_text(text.replace("slots = 4", "slots = 24"), encoding="utf-8")
+    folder, picture = tmp_path / "run", tmp_path / "report.png"
+    compare = ["compare", tiny, "--days", "1", "--draws", "2", "--methods", "idle"]
+    done = run(*compare, "--out", folder, "--plot", picture)
+    assert done.returncode == 0, done.stderr
+    assert "Best is " in done.stdout
+    assert "\x1b" not in done.stdout
+    assert picture.stat().st_size > 10_000
+    done = run("plot", folder)
+    assert done.stdout == f"{folder / 'report.png'}\n"
+    assert f"resilience plot {folder} --method" in done.stderr
+    done = run("plot", folder, "--method", "idle", "--episode", "2", "--day", "1")
+    assert done.stdout == f"{folder / 'storm-idle.png'}\n"
+    done = run("plot", folder, "--method", "idle", "--episode", "3")
+    assert done.returncode == 1
+    assert "episode 3; allowed: 1 to 2\nhint: episodes count from 1" in done.stderr
+
+
 def test_an_earlier_result_is_replaced_and_nothing_else(tiny: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     assert run("solve", tiny, "--method", "lp", "--out", folder).returncode == 0

@@ -13,11 +13,17 @@ DOCS = ROOT / "docs"
 WRITTEN = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
 PAGES = (
     "guide/first-feeder",
+    "guide/storm-tomorrow",
+    "guide/typhoon",
     "concepts/model",
     "concepts/exactness",
     "concepts/methods",
     "concepts/scenarios",
+    "concepts/fragility",
     "concepts/dispatchers",
+    "concepts/stochastic",
+    "concepts/sddp",
+    "concepts/evaluation",
 )
 COMPONENTS = (ROOT / "resilience" / "models" / "components").glob("*.py")
 GENERATED = {

@@ -1,0 +1,86 @@
+"""Commands about case files: `resilience case ...`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from resilience import options as given
+
+case_app = typer.Typer(no_args_is_help=True, help="Make, check and look at case files.")
+
+
+@case_app.command()
+def new(
+    network: Annotated[
+        str,
+        typer.Argument(
+            metavar="NETWORK", help="A pandapower network's name, or its JSON or .m file."
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="File to write; stdout if omitted. An existing file is kept."),
+    ] = None,
+) -> None:
+    """Write a starter case for a network: its loads and sources, and examples to fill in."""
+    from resilience.case import new_case_text
+    from resilience.errors import UsageError
+    from resilience.results import replacing_file
+
+    if out is not None and out.exists():
+        raise UsageError(f"{out} exists", hint="name a new file")
+    text = new_case_text(network)
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    with replacing_file(out) as fresh:
+        fresh.write_text(text, encoding="utf-8")
+    typer.echo(f"{out}: resilience solve {out}")
+
+
+@case_app.command()
+def check(case: given.CaseName) -> None:
+    """Read a case and report every mistake in it at once, and what may not be meant."""
+    from resilience import load_case
+    from resilience.case.remarks import remarks
+
+    found = load_case(case)
+    if found.storm is not None and found.storm.points:
+        from resilience.fragility.chain import storm
+
+        storm(found)
+    typer.echo(f"{case}: {found.name} is a valid case")
+    for remark in remarks(found):
+        typer.echo(f"warning: {remark}")
+
+
+@case_app.command()
+def show(case: given.CaseName) -> None:
+    """Print what a case holds: network, devices, horizon, outages, islands."""
+    from rich.console import Console
+
+    from resilience import load_case
+    from resilience.report import print_case
+
+    print_case(load_case(case), Console())
+
+
+@case_app.command("list")
+def list_cases() -> None:
+    """Print the names of the installed cases."""
+    from resilience import case_names
+
+    for name in case_names():
+        typer.echo(name)
+
+
+@case_app.command()
+def schema() -> None:
+    """Print the JSON Schema of case files."""
+    from resilience.case import case_schema
+
+    typer.echo(json.dumps(case_schema(), indent=2))
