@@ -19,6 +19,7 @@ from resilience.case.window import Window
 from resilience.errors import UsageError
 
 _HORIZON = ("start", "slots", "step_min")
+_LISTS = {*DEVICES, "line"}
 _TABLES = {"outage", "geography", "storm"}
 _HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
 
@@ -27,14 +28,14 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     """Return a changed copy of a case; see `Case.replace`."""
     from resilience.case.load import build_case
 
-    known = {*_HORIZON, *_HEAD, *DEVICES, *_TABLES, "profiles", "outages"}
+    known = {*_HORIZON, *_HEAD, *_LISTS, *_TABLES, "profiles", "outages"}
     for key in changes.keys() - known:
         hint = "it can replace " + ", ".join(sorted(known))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
     data = copy.deepcopy(case.source)
     data.pop("outages", None)
     data |= {key: changes[key] for key in _HEAD if key in changes}
-    for kind in DEVICES.keys() & changes.keys():
+    for kind in _LISTS & changes.keys():
         data[kind] = [plain(table) for table in changes[kind]]
         data.get("defaults", {}).pop(kind, None)
     for key in changes.keys() & _TABLES:

@@ -16,6 +16,7 @@ from resilience.case.schema import (
     ESSTable,
     GeneratorTable,
     GridTable,
+    LineTable,
     LoadTable,
     OutageTable,
     PVTable,
@@ -40,7 +41,8 @@ class Case:
 
     Device tables are tuples in the order of the file; powers are in MW, energies in MWh, prices
     per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak, and a
-    grid's tariff per MWh under its `tariff_profile`. `outages` are those to plan for, `outage` is
+    grid's tariff per MWh under its `tariff_profile`. `line` has what the file says of single lines
+    of the network. `outages` are those to plan for, `outage` is
     the process that others are drawn from, unless there is a `storm`. `places` are the (x, y) of
     buses in the network's source, and `geography` says how they are points on the earth. `source`
     is the merged case file as plain data.
@@ -59,6 +61,7 @@ class Case:
     ess: tuple[ESSTable, ...]
     generator: tuple[GeneratorTable, ...]
     grid: tuple[GridTable, ...]
+    line: tuple[LineTable, ...]
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
     reserve_price_per_mwh: float | None
@@ -107,7 +110,8 @@ class Case:
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        plain = ("name", "description", *horizon, "outages", "outage", "geography", *DEVICES)
+        tables = ("outages", "outage", "geography", "line", *DEVICES)
+        plain = ("name", "description", *horizon, *tables)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)
             and self.terminal_value_per_mwh == other.terminal_value_per_mwh

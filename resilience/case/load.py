@@ -81,6 +81,7 @@ def build_case(document: Document) -> Case:
         start=window.start,
         slots=window.slots,
         step_min=window.step_min,
+        line=tuple(line for line, _ in parts.lines),
         profiles=profiles | reduced | tariff_profiles(devices["grid"], profiles, window),
         outages=outages,
         outage=outage,
@@ -178,6 +179,7 @@ def _read_network(parts: Parts) -> None:
         parts.network = finish_network(network, table, lines)
         if parts.storm is not None and parts.storm.lines == "all":
             usable = network.in_service | parts.network.switchable
+            usable[[network.line(line.name) for line in lines if line.underground]] = False
             parts.network = replace(parts.network, breakpoint=usable)
         parts.places = feeder.places
 

@@ -76,6 +76,18 @@ class LineTable(Table):
     rating_mva: Positive | None = Field(
         None, description="thermal limit, MVA, in place of the network's"
     )
+    underground: bool = Field(False, description="true: a cable, which no storm on a track breaks")
+    pole: Name | None = Field(
+        None, description="fragility curve of what it hangs from, in place of the storm's"
+    )
+    hardening: Positive | None = Field(
+        None,
+        description="multiplies the median strength of its poles and conductors, in place of the "
+        "storm's",
+    )
+    span_m: Positive | None = Field(
+        None, description="longest distance between its poles, m, in place of the geography's"
+    )
 
 
 class TimeTable(Table):

@@ -84,6 +84,32 @@ class CloudTable(Table):
     )
 
 
+class CurveTable(Table):
+    """`[storm.curves.<name>]`: a fragility curve of the case's own."""
+
+    kind: Literal["lognormal", "piecewise", "tabulated"] = Field(
+        "lognormal",
+        description="lognormal: median_mps, beta; piecewise: v_crit_mps, "
+        "v_collapse_mps, perhaps the first two; tabulated: speed_mps, probability",
+    )
+    median_mps: Positive | None = Field(None, description="speed at which one in two fails, m/s")
+    beta: Positive | None = Field(
+        None, description="standard deviation of the logarithm of strength"
+    )
+    v_crit_mps: Positive | None = Field(None, description="below it nothing fails, m/s")
+    v_collapse_mps: Positive | None = Field(None, description="from it on everything fails, m/s")
+    speed_mps: Annotated[tuple[NonNegative, ...], Field(strict=False)] | None = Field(
+        None, description="speeds of a table, rising, m/s"
+    )
+    probability: Annotated[tuple[Share, ...], Field(strict=False)] | None = Field(
+        None, description="of failure at these speeds, not falling"
+    )
+    averaging_s: Positive = Field(description="averaging time of the wind it wants, s; 3: a gust")
+    height_m: Positive = Field(10.0, description="height of that wind above the ground, m")
+    exposure: Literal["water", "land"] = Field("land", description="what lies upwind of it")
+    source: str = Field("", description="where its numbers are from")
+
+
 class StormTable(Table):
     """`[storm]`: the storm that breaks lines, and how; without `points`, a track file is needed."""
 
@@ -116,8 +142,21 @@ class StormTable(Table):
         description="pressure around the storm; absent: the basin's usual one",
     )
     wind: str = Field("holland2008", description="wind field")
+    asymmetry: str | None = Field(
+        None, description="how the storm's motion adds to its wind; absent: as the field has it"
+    )
+    inflow: str | None = Field(
+        None, description="how the wind turns towards the eye; absent: it does not"
+    )
+    roughness: str = Field("knaff2011", description="how land slows the wind down")
+    inland_km: NonNegative | None = Field(
+        None, description='distance from the coast, km, for roughness = "tchazards"'
+    )
     pole: str = Field("pole", description="fragility curve of a pole")
     conductor: str | None = Field(None, description="fragility curve of a span; absent: none fails")
+    curves: dict[str, CurveTable] = Field(
+        default_factory=dict, description="fragility curves beside those that come with the package"
+    )
     hardening: Positive = Field(1.0, description="multiplies the median strength of every curve")
     correlation: Share = Field(0.3, description="of the strengths of all poles in a storm")
     by_angle: bool = Field(False, description="true: only the wind across a line counts")
@@ -127,7 +166,8 @@ class StormTable(Table):
         "per slot, which depends on the step",
     )
     lines: Literal["all", "breakpoints"] = Field(
-        "all", description="lines that the storm may break: all in service, or the breakpoints only"
+        "all",
+        description="lines that the storm may break: all but cables, or the breakpoints only",
     )
     repair: RepairTable = Field(default_factory=RepairTable)
     forecast: ForecastTable = Field(default_factory=ForecastTable)

@@ -28,7 +28,7 @@ def case_text(case: Case) -> str:
         "terminal_value_per_mwh": case.terminal_value_per_mwh,
         "outages": outage_texts(case.outages, case.window),
         "network": case.source["network"],
-        "line": case.source.get("line", []),
+        "line": [plain(line) for line in case.line],
         "time": {"start": case.start, "slots": case.slots, "step_min": case.step_min},
         "outage": plain(case.outage),
     }

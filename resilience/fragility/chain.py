@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resilience.case.network import did_you_mean
 from resilience.case.storm_tables import StormTable
 from resilience.errors import UsageError
-from resilience.fragility.curves import CURVES, Curve, hardened
+from resilience.fragility.curves import Curve
 from resilience.fragility.damage import Timing, failed_by, hazard
 from resilience.fragility.geography import Geography, geography
-from resilience.fragility.lines import Lines, SpanWind, poles_in_series, span_speed
+from resilience.fragility.lines import Lines, SpanWind, span_speed
 from resilience.fragility.repair import Repair
 from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
 from resilience.fragility.storms import Sampling, sample_storms
+from resilience.fragility.strength import cables, check_names, lines_of, storm_curve
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
 from resilience.fragility.wind import Wind, wind
 
@@ -109,31 +109,25 @@ def storm(
     Args:
         case: the case.
         track: a storm, or its file, in place of the points of the case's `[storm]`.
-        every_line: every line in service, whatever the case says that the storm may break.
+        every_line: every line in service but cables, whatever the case says that the storm may
+            break.
 
     Raises:
-        CaseError: buses without coordinates, or a track with mistakes; all of them are listed.
-        UsageError: neither points nor a track, a track that lies outside the horizon, or a name
-            that no curve or field has.
+        CaseError: names that no curve or field has, buses without coordinates, or a track with
+            mistakes; all of them are listed.
+        UsageError: neither points nor a track, or a track that lies outside the horizon.
     """
     table = case.storm or StormTable()
+    check_names(case)
     place = geography(case)
     known = case_track(case) if track is None else track
     found = known if isinstance(known, Track) else file_track(case, known)
     members = _members(found, table, case)
-    pole, conductor = (_curve(name, table) for name in (table.pole, table.conductor))
-    assert pole is not None
     names, span_line, of = _spans(case, place, every_line)
-    lines = poles_in_series(
-        names,
-        span_line,
-        pole=pole,
-        conductor=conductor,
-        correlation=table.correlation,
-        bearing_deg=place.span_bearing_deg[of] if table.by_angle else None,
-    )
+    bearing = place.span_bearing_deg[of] if table.by_angle else None
+    lines = lines_of(case, names, span_line, bearing)
     at = place.span_lat_deg[of], place.span_lon_deg[of]
-    winds = tuple(_wind(one, case, at, pole, table) for one in members)
+    winds = tuple(_wind(one, case, at, storm_curve(case), table) for one in members)
     repair = Repair(
         law=table.repair.law,
         hours=table.repair.hours,
@@ -245,24 +239,17 @@ def _members(track: Track, table: StormTable, case: Case) -> tuple[Track, ...]:
     )  # fmt: skip
 
 
-def _curve(name: str | None, table: StormTable) -> Curve | None:
-    if name is None:
-        return None
-    if name not in CURVES:
-        raise UsageError(f"fragility curve {name!r} is unknown", did_you_mean(name, CURVES))
-    return CURVES[name] if table.hardening == 1.0 else hardened(CURVES[name], table.hardening)
-
-
 def _spans(case: Case, place: Geography, every_line: bool) -> tuple[tuple[str, ...], Ints, Ints]:
     """Names of lines, the line of every span of theirs, and the number of that span."""
     network = case.network
     may = network.in_service if every_line or case.storm is None else network.breakpoint
     stands = np.bincount(place.span_line, minlength=len(may)) > 0
-    chosen = np.flatnonzero(may & stands)
+    chosen = np.flatnonzero(may & stands & ~cables(case))
     if not len(chosen):
         raise UsageError(
             f"case {case.name!r} has no line that a storm may break",
-            hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`',
+            hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`; cables, '
+            "`underground = true`, do not count",
         )
     of = np.flatnonzero(np.isin(place.span_line, chosen))
     names = tuple(network.line_names[k] for k in chosen)
@@ -278,9 +265,12 @@ def _wind(
     moment_s = round(60.0 * case.step_min * case.slots / len(times))
     earlier = times[:1] - np.timedelta64(moment_s, "s")
     track = interpolated(track, np.concatenate([earlier, times]))
-    blown: Wind = wind(track, *at, model=table.wind).to(
-        averaging_s=curve.averaging_s, height_m=curve.height_m, exposure=curve.exposure
-    )
+    blown: Wind = wind(
+        track, *at, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
+    ).to(
+        averaging_s=curve.averaging_s, height_m=curve.height_m, exposure=curve.exposure,
+        roughness=table.roughness, inland_km=table.inland_km,
+    )  # fmt: skip
     shape = (len(at[0]), case.slots, -1)
     speed = blown.speed_mps[:, 1:].reshape(shape)
     direction = blown.direction_deg[:, 1:].reshape(shape)

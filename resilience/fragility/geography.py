@@ -69,7 +69,10 @@ def geography(case: Case) -> Geography:
     bearing, _, metres = earth.inv(lon[i], lat[i], lon[j], lat[j])
     length = np.where(network.vn_kv[i] == network.vn_kv[j], np.asarray(metres) / 1000.0, 0.0)
     usable = (length > 0.0) & (network.in_service | network.switchable)
-    count = np.where(usable, np.maximum(np.ceil(1000.0 * length / table.span_m - 1e-6), 1.0), 0.0)
+    span_m = np.full(len(length), table.span_m)
+    for one in case.line:
+        span_m[network.line(one.name)] = one.span_m or table.span_m
+    count = np.where(usable, np.maximum(np.ceil(1000.0 * length / span_m - 1e-6), 1.0), 0.0)
     line = np.repeat(np.arange(len(length)), count.astype(np.intp))
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
     share = (np.arange(len(line)) - first[line] + 0.5) / count[line]

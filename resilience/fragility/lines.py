@@ -153,7 +153,7 @@ def poles_in_series(
     names: Sequence[str],
     span_line: Ints,
     *,
-    pole: Curve | None = None,
+    pole: Curve | Sequence[Curve] | None = None,
     conductor: Curve | None = None,
     hardened_by: Mapping[str, float] | None = None,
     correlation: float = 0.3,
@@ -164,16 +164,16 @@ def poles_in_series(
     Args:
         names: of the lines.
         span_line: (spans,) index of the line that a span belongs to.
-        pole: curve of one pole; `CURVES["pole"]` if omitted.
+        pole: curve of one pole, or a curve per line; `CURVES["pole"]` if omitted.
         conductor: curve of the conductors of one span; they do not fail if omitted.
-        hardened_by: lines whose poles stand speeds so many times as high.
+        hardened_by: lines whose poles and conductors stand speeds so many times as high.
         correlation: see `Lines`.
         bearing_deg: see `Lines`.
 
     Raises:
         UsageError: a hardened line that does not exist, or as `Lines`.
     """
-    pole = pole or CURVES["pole"]
+    poles = [pole or CURVES["pole"]] * len(names) if isinstance(pole, Curve | None) else list(pole)
     factors = dict(hardened_by or {})
     unknown = [name for name in factors if name not in names]
     if unknown:
@@ -181,14 +181,23 @@ def poles_in_series(
             f"hardened line {', '.join(unknown)}; allowed: {', '.join(names)}",
             hint="a line is named by its ends, like 6-26",
         )
-    factor = np.array([factors.get(name, 1.0) for name in names])[span_line]
-    series = [
-        Series(pole if f == 1.0 else hardened(pole, f), (factor == f).astype(float))
-        for f in np.unique(factor).tolist()
-    ]
+    factor = [factors.get(name, 1.0) for name in names]
+    series = _alike(poles, factor, span_line)
     if conductor is not None:
-        series.append(Series(conductor, np.ones(len(span_line))))
+        series += _alike([conductor] * len(names), factor, span_line)
     return Lines(tuple(names), span_line, tuple(series), correlation, bearing_deg)
+
+
+def _alike(curves: Sequence[Curve], factors: Sequence[float], span_line: Ints) -> list[Series]:
+    """A series for every different curve and factor among the lines."""
+    kinds = list(zip(curves, factors, strict=True))
+    return [
+        Series(
+            curve if factor == 1.0 else hardened(curve, factor),
+            np.array([kind == (curve, factor) for kind in kinds])[span_line].astype(float),
+        )
+        for curve, factor in dict.fromkeys(kinds)
+    ] or [Series(CURVES["pole"], np.zeros(0))]
 
 
 def span_speed(lines: Lines, wind: WindAtSpans) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from conftest import VALID
+from valid import VALID
 
 import resilience as rs
 from resilience.case import case_text, load_case

@@ -1,0 +1,138 @@
+"""What of a case's lines breaks in a wind: curves of poles and conductors, the case's own too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.case.network import did_you_mean
+from resilience.case.schema import LineTable
+from resilience.case.storm_tables import CurveTable, StormTable
+from resilience.case.tables import show
+from resilience.errors import CaseError, Problem, UsageError
+from resilience.fragility.curves import CURVES, Curve, measure
+from resilience.fragility.lines import Lines, poles_in_series
+from resilience.fragility.scenarios import Bools, Floats, Ints
+from resilience.fragility.tracks.fill import RADII
+from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, ROUGHNESS
+
+if TYPE_CHECKING:
+    from resilience.case import Case
+
+_MEASURE = frozenset(["kind", "averaging_s", "height_m", "exposure", "source"])
+
+
+def check_names(case: Case) -> None:
+    """Checks what a storm names: fields, options, curves, before anything is worked out.
+
+    Raises:
+        CaseError: names that nothing has, or curves with mistakes; all of them are listed.
+    """
+    file = case.path.name if case.path else case.name
+    problems = [Problem(file, *found) for found in _findings(case)]
+    if problems:
+        raise CaseError(problems)
+
+
+def cables(case: Case) -> Bools:
+    """(lines,) True where a line is underground."""
+    found = np.zeros(len(case.network.line_names), bool)
+    found[[case.network.line(line.name) for line in case.line if line.underground]] = True
+    return found
+
+
+def lines_of(
+    case: Case, names: Sequence[str], span_line: Ints, bearing_deg: Floats | None = None
+) -> Lines:
+    """Lines of a case with the strength that the case gives each.
+
+    Args:
+        case: the case.
+        names: of the lines.
+        span_line: (spans,) index in `names` of the line that a span belongs to.
+        bearing_deg: (spans,) directions, if only the wind across counts.
+
+    Raises:
+        KeyError: a curve that nothing has; see `check_names`.
+    """
+    table = case.storm or StormTable()
+    curves = curves_of(table)
+    own = {line.name: line for line in case.line}
+    lines = [own.get(name, LineTable(name=name)) for name in names]
+    factors = {line.name: line.hardening or table.hardening for line in lines}
+    return poles_in_series(
+        names, span_line, pole=[curves[line.pole or table.pole] for line in lines],
+        conductor=curves[table.conductor] if table.conductor else None,
+        hardened_by=factors, correlation=table.correlation, bearing_deg=bearing_deg,
+    )  # fmt: skip
+
+
+def storm_curve(case: Case) -> Curve:
+    """The curve of the storm's poles, which says what wind is wanted."""
+    table = case.storm or StormTable()
+    return curves_of(table)[table.pole]
+
+
+def curves_of(table: StormTable) -> dict[str, Curve]:
+    """Curves by name: those of the package, and the case's own.
+
+    Raises:
+        UsageError: parameters that make no curve.
+    """
+    return CURVES | {name: _curve(name, own) for name, own in table.curves.items()}
+
+
+def _curve(name: str, table: CurveTable) -> Curve:
+    given = table.model_dump(exclude_none=True)
+    about = {key: given.pop(key) for key in _MEASURE}
+    return Curve(name=name, parameters=given, element="of the case", **about)
+
+
+def _findings(case: Case) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yields `(table, key, value, allowed, hint)`."""
+    table = case.storm or StormTable()
+    for name, own in table.curves.items():
+        try:
+            _curve(name, own)
+        except UsageError as error:
+            where = f"[storm.curves.{name}]"
+            yield where, "", str(error.message), "a curve", error.hint
+    curves = [*CURVES, *table.curves]
+    uses = [
+        *((*use, curves) for use in _uses(case, table)),
+        ("[storm]", "wind", table.wind, MODELS),
+        ("[storm]", "asymmetry", table.asymmetry, ASYMMETRIES),
+        ("[storm]", "inflow", table.inflow, INFLOWS),
+        ("[storm]", "roughness", table.roughness, ROUGHNESS),
+        ("[storm]", "rmw", table.rmw, RADII),
+    ]
+    for where, key, given, known in uses:
+        if given is not None and given not in known:
+            yield where, key, show(given), ", ".join(known), did_you_mean(given, known)
+    yield from _other_winds(case, table)
+    if table.roughness == "tchazards" and table.inland_km is None:
+        hint = "or leave roughness out: knaff2011 needs no distance"
+        yield "[storm]", "inland_km", "nothing", "km from the coast", hint
+
+
+def _uses(case: Case, table: StormTable) -> Iterator[tuple[str, str, str | None]]:
+    """Yields `(table, key, name)` of every curve that a case names."""
+    yield "[storm]", "pole", table.pole
+    yield "[storm]", "conductor", table.conductor
+    for line in case.line:
+        yield f"[[line]] {line.name}", "pole", line.pole
+
+
+def _other_winds(case: Case, table: StormTable) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yields curves that want another wind than the poles' does: one wind is worked out."""
+    measures = {name: curve.measure for name, curve in CURVES.items()}
+    for name, own in table.curves.items():
+        measures[name] = measure(own.averaging_s, own.height_m, own.exposure)
+    wanted = measures.get(table.pole)
+    for where, key, used in _uses(case, table):
+        its = measures.get(used or "", wanted)
+        if wanted is not None and its != wanted:
+            hint = "restate the curve in [storm.curves] for that wind; no factor is implied"
+            yield where, key, f"{used}, over a {its}", f"curves over a {wanted}", hint
