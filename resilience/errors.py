@@ -13,8 +13,9 @@ A message reads: subject, value found, what is allowed; then `hint:` with the re
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 
 class ResilienceError(Exception):
@@ -64,6 +65,28 @@ class Problem:
             f"  allowed: {self.allowed}\n"
             f"  hint: {self.hint}"
         )
+
+
+def together(*steps: Callable[[], Any]) -> list[Any]:
+    """Takes every step, also after one that finds mistakes, and returns what they return.
+
+    Raises:
+        CaseError: all mistakes of all steps.
+        UsageError: the first of the steps, where none finds mistakes in a case.
+    """
+    found, problems, wrong = [], list[Problem](), list[UsageError]()
+    for step in steps:
+        try:
+            found.append(step())
+        except CaseError as error:
+            problems += error.problems
+        except UsageError as error:
+            wrong.append(error)
+    if problems:
+        raise CaseError(problems)
+    if wrong:
+        raise wrong[0]
+    return found
 
 
 class CaseError(ResilienceError):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from resilience.case.network import Network
 from resilience.case.parts import Parts
 from resilience.case.storm_tables import GeographyTable
@@ -13,6 +15,8 @@ Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
 
 _TABLE = "[geography]"
+_LEAST_OHM_PER_KM = 0.01
+"""Cables have 0.07 or more, overhead lines 0.3; less by the network's impedance scale."""
 _GIVE = (
     "give lat_deg and lon_deg to every [[network.bus]], or set degrees or synthetic in [geography]"
 )
@@ -69,6 +73,24 @@ def findings(
             found = f"{len(far)} buses beyond 180 degrees of longitude or 90 of latitude: "
             hint = "a drawing is no map: set synthetic = true and an anchor"
             yield "degrees", found + _list(far), "degrees of longitude and latitude", hint
+        elif table.degrees and not missing:
+            yield from _stretched(network, places)
+
+
+def _stretched(network: Network, places: Mapping[str, tuple[float, float]]) -> Iterator[Finding]:
+    """A drawing that was taken for degrees gives lines without any reactance to speak of."""
+    from pyproj import Geod
+
+    lon, lat = np.array([places[name] for name in network.bus_names]).T
+    i, j = network.from_bus, network.to_bus
+    lines = (network.vn_kv[i] == network.vn_kv[j]) & network.in_service
+    metres = Geod(ellps="WGS84").inv(lon[i], lat[i], lon[j], lat[j])[2]
+    km = float(np.asarray(metres)[lines].sum()) / 1000.0
+    ohm = float((np.abs(network.x_pu) * network.vn_kv[i] ** 2)[lines].sum())
+    if ohm < _LEAST_OHM_PER_KM * km:
+        found = f"true, and lines of {km:.0f} km in all with {ohm:.3g} ohm"
+        allowed = f"{_LEAST_OHM_PER_KM:g} ohm of reactance per km or more"
+        yield "degrees", found, allowed, "a drawing is no map: set synthetic = true and an anchor"
 
 
 def _anchor(table: GeographyTable, network: Network, grid_bus: str | None) -> Iterator[Finding]:

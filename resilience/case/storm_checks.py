@@ -32,6 +32,7 @@ def check_storm(parts: Parts) -> None:
     for key, *rest in findings(storm):
         parts.document.add(("storm", key), "[storm]", key, *rest)
     _check_day(parts, storm)
+    _check_priority(parts, storm)
 
 
 def findings(storm: StormTable) -> Iterator[Finding]:
@@ -84,6 +85,18 @@ def _in_knots(storm: StormTable) -> Iterator[Finding]:
         found = f"vmax {median(ratios):.2g} times what the pressures go with"
         hint = "probably knots given as m/s; multiply by 0.514444"
         yield "points", found, f"up to {_KNOTS:g} times", hint
+
+
+def _check_priority(parts: Parts, storm: StormTable) -> None:
+    """Note lines that crews should prefer and that are not there."""
+    network = parts.network
+    if network is None or storm.repair is None:
+        return
+    for name in storm.repair.priority:
+        if not network.has_line(name):
+            where, allowed = ("storm", "repair"), "a line of the network"
+            hint = network.line_hint(name)
+            parts.document.add(where, "[storm.repair]", "priority", show(name), allowed, hint)
 
 
 def _check_day(parts: Parts, storm: StormTable) -> None:

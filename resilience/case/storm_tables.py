@@ -51,6 +51,11 @@ class RepairTable(Table):
         "logarithm]; exponential: [mean]",
     )
     crews: int | None = Field(None, ge=1, description="lines mended at a time; absent: any number")
+    priority: dict[str, float] = Field(
+        default_factory=dict,
+        description='{ "1-2" = 2, ... }: crews go to higher ones first, 0 where not given; among '
+        "equals to the line that failed first",
+    )
     wind_limit_mps: Positive = Field(
         20.0, description="no work at a line in a stronger wind, measured as its curve asks, m/s"
     )

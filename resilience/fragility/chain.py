@@ -7,7 +7,7 @@ it with the defaults of the table.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import cached_property
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resilience.case.storm_tables import StormTable
-from resilience.errors import UsageError
+from resilience.errors import CaseError, Problem, UsageError, together
 from resilience.fragility.curves import Curve
 from resilience.fragility.damage import Timing, failed_by, hazard
 from resilience.fragility.geography import Geography, geography
-from resilience.fragility.lines import Lines, SpanWind, span_speed
+from resilience.fragility.lines import Lines, SpanWind, calm, span_speed
 from resilience.fragility.repair import Repair
 from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
 from resilience.fragility.storms import Sampling, sample_storms
@@ -89,9 +89,7 @@ class Storm:
 
     def calm(self, one: SpanWind) -> Bools:
         """(lines, slots) True where crews may work in the wind of a member."""
-        windy = np.zeros((len(self.lines.names), self.case.slots), bool)
-        np.logical_or.at(windy, self.lines.span_line, one.speed_mps > self.repair.wind_limit_mps)
-        return ~windy
+        return calm(self.lines, one, self.repair.wind_limit_mps)
 
     def scenarios(self, n: int, seed: int, shift: float = 0.0) -> Scenarios:
         """`n` outage paths; see `storms.sample_storms` for the `shift` of the common factor."""
@@ -102,44 +100,47 @@ class Storm:
 
 
 def storm(
-    case: Case, track: Track | str | Path | None = None, *, every_line: bool = False
+    case: Case, track: Track | Callable[[], Track] | None = None, *, every_line: bool = False
 ) -> Storm:
     """The storm of a case, over its horizon.
 
     Args:
         case: the case.
-        track: a storm, or its file, in place of the points of the case's `[storm]`.
+        track: a storm in place of the points of the case's `[storm]`, or what reads it.
         every_line: every line in service but cables, whatever the case says that the storm may
             break.
 
     Raises:
         CaseError: names that no curve or field has, buses without coordinates, or a track with
-            mistakes; all of them are listed.
-        UsageError: neither points nor a track, or a track that lies outside the horizon.
+            mistakes, or none; all of them are listed.
+        UsageError: a track that lies outside the horizon.
     """
     table = case.storm or StormTable()
-    check_names(case)
-    place = geography(case)
-    known = case_track(case) if track is None else track
-    found = known if isinstance(known, Track) else file_track(case, known)
+    _, place, found = together(
+        lambda: check_names(case),
+        lambda: geography(case),
+        lambda: case_track(case) if track is None else track() if callable(track) else track,
+    )
     members = _members(found, table, case)
     names, span_line, of = _spans(case, place, every_line)
     bearing = place.span_bearing_deg[of] if table.by_angle else None
     lines = lines_of(case, names, span_line, bearing)
     at = place.span_lat_deg[of], place.span_lon_deg[of]
-    winds = tuple(_wind(one, case, at, storm_curve(case), table) for one in members)
+    curve = storm_curve(case)
+    winds = tuple(_wind(one, case, at, curve, table, bearing) for one in members)
     repair = Repair(
         law=table.repair.law,
         hours=table.repair.hours,
         crews=table.repair.crews,
         wind_limit_mps=table.repair.wind_limit_mps,
+        priority={k: v for k, v in table.repair.priority.items() if k in names},
     )
     timing = Timing(table.mode, case.step_h)
     return Storm(case, place, found, members, lines, winds, timing, repair)
 
 
 def storm_scenarios(
-    case: Case, n: int, seed: int, track: Track | str | Path | None = None
+    case: Case, n: int, seed: int, track: Track | Callable[[], Track] | None = None
 ) -> Scenarios:
     """`n` outage paths of the storm of a case, or of another on its feeder.
 
@@ -153,15 +154,13 @@ def case_track(case: Case) -> Track:
     """The track that a case states.
 
     Raises:
-        CaseError: points with mistakes.
-        UsageError: the case states none.
+        CaseError: points with mistakes, or none.
     """
     table = case.storm
     if table is None or not table.points:
-        raise UsageError(
-            f"case {case.name!r} has no storm; allowed: a track file, or points in [storm]",
-            hint="--track FILE reads IBTrACS, HURDAT2, CMA and plain CSV files",
-        )
+        file, allowed = case.path.name if case.path else case.name, "points, or a track file"
+        hint = "--track FILE reads IBTrACS, HURDAT2, CMA and plain CSV files"
+        raise CaseError([Problem(file, "[storm]", "points", "nothing", allowed, hint)])
     offset = timedelta(hours=table.utc_offset_h)
     time, lat, lon, pressure, vmax = zip(*table.points, strict=True)
     columns: dict[str, Sequence[object]] = {
@@ -177,6 +176,28 @@ def case_track(case: Case) -> Track:
         columns, averaging_s=table.averaging_s, name=table.name, source=table.source,
         basin=table.basin, penv_hpa=table.penv_hpa, rmw=table.rmw, file=case.name,
     )  # fmt: skip
+
+
+def reader(
+    case: Case,
+    path: str | Path | None,
+    *,
+    storm: str | None = None,
+    averaging_s: float | None = None,
+) -> Callable[[], Track] | None:
+    """What reads the track in a file, or None without one, for `storm`.
+
+    Raises:
+        UsageError: no file, and something said of it.
+    """
+    if path is not None:
+        return lambda: file_track(case, path, storm=storm, averaging_s=averaging_s)
+    if storm is not None or averaging_s is not None:
+        raise UsageError(
+            "the name or averaging time of a storm in a track file, and no file",
+            hint="add --track FILE",
+        )
+    return None
 
 
 def file_track(
@@ -257,9 +278,14 @@ def _spans(case: Case, place: Geography, every_line: bool) -> tuple[tuple[str, .
 
 
 def _wind(
-    track: Track, case: Case, at: tuple[Floats, Floats], curve: Curve, table: StormTable
+    track: Track,
+    case: Case,
+    at: tuple[Floats, Floats],
+    curve: Curve,
+    table: StormTable,
+    bearing_deg: Floats | None,
 ) -> SpanWind:
-    """The strongest wind in every slot at points, as a curve wants it."""
+    """The wind in every slot at its hardest moment for each span, as a curve wants it."""
     # A wind field takes its translation from the moment before: the first one needs one, too.
     times = slot_times(case)
     moment_s = round(60.0 * case.step_min * case.slots / len(times))
@@ -274,9 +300,13 @@ def _wind(
     shape = (len(at[0]), case.slots, -1)
     speed = blown.speed_mps[:, 1:].reshape(shape)
     direction = blown.direction_deg[:, 1:].reshape(shape)
-    top = speed.argmax(axis=2)[:, :, None]
+    felt = speed
+    if bearing_deg is not None:
+        felt = speed * np.abs(np.sin(np.radians(direction - bearing_deg[:, None, None])))
+    top = felt.argmax(axis=2)[:, :, None]
     return SpanWind(
         np.take_along_axis(speed, top, axis=2)[:, :, 0],
         blown.averaging_s, blown.height_m, blown.exposure,
         np.take_along_axis(direction, top, axis=2)[:, :, 0],
+        None if bearing_deg is None else speed.max(axis=2),
     )  # fmt: skip

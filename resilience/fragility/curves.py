@@ -168,7 +168,7 @@ def _scaled(curve: Curve, factor: float) -> Parameters:
     def times(key: str, value: Any) -> Any:
         if not key.endswith("_mps"):
             return value
-        return tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
+        return tuple((factor * np.asarray(value)).tolist()) if np.ndim(value) else factor * value
 
     return {key: times(key, value) for key, value in curve.parameters.items()}
 

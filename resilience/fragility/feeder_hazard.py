@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from resilience.case import Case, load_case
-from resilience.errors import UsageError
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
@@ -54,8 +53,8 @@ class Hazard:
         """(moments,) from the eye to the middle of the feeder, at `chain.slot_times`."""
         place, case = self.storm.geography, self.storm.case
         eye = interpolated(self.storm.track, slot_times(case))
-        middle = place.span_lat_deg.mean(), place.span_lon_deg.mean()
-        away = seen_from((eye.lat, eye.lon), ([middle[0]], [middle[1]]))[0][0] / 1000.0
+        lat, lon = place.middle
+        away = seen_from((eye.lat, eye.lon), ([lat], [lon]))[0][0] / 1000.0
         return np.where(eye.present, away, np.inf)
 
     @property
@@ -182,17 +181,10 @@ def hazard(
 
     Raises:
         CaseError: mistakes in the case, its geography or the track; all of them are listed.
-        UsageError: no storm, or as `chain.storm`.
+        UsageError: as `chain.storm`, or something said of a track file that is not given.
     """
     case = case if isinstance(case, Case) else load_case(case)
-    if track is None and (storm is not None or averaging_s is not None):
-        raise UsageError(
-            "the name or averaging time of a storm in a track file, and no file",
-            hint="add --track FILE",
-        )
-    read = None
-    if track is not None:
-        read = chain.file_track(case, track, storm=storm, averaging_s=averaging_s)
+    read = chain.reader(case, track, storm=storm, averaging_s=averaging_s)
     found = chain.storm(case, read, every_line=True)
     drawn = found.scenarios(n, seed)
     return Hazard(found, drawn, likely(case, drawn))

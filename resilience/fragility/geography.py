@@ -48,6 +48,20 @@ class Geography:
     synthetic: bool
 
     @property
+    def middle(self) -> tuple[float, float]:
+        """Latitude and longitude of the middle of the buses, also astride the dateline."""
+        away = (self.bus_lon_deg - self.bus_lon_deg[0] + 180.0) % 360.0 - 180.0
+        lon = float(self.bus_lon_deg[0] + away.mean())
+        return float(self.bus_lat_deg.mean()), (lon + 180.0) % 360.0 - 180.0
+
+    @property
+    def bus_km(self) -> tuple[Floats, Floats]:
+        """(buses,) km east and north of the first bus."""
+        lat, lon = self.bus_lat_deg, self.bus_lon_deg
+        east, north = _plane(lat, lon, lat[0], lon[0])
+        return east / 1000.0, north / 1000.0
+
+    @property
     def about(self) -> str:
         """What kind of geography it is, in words."""
         return "synthetic geography" if self.synthetic else "geography of the case"

@@ -26,7 +26,7 @@ from scipy.special import log_ndtr, ndtr
 
 from resilience.errors import UsageError
 from resilience.fragility.curves import CURVES, Curve, hardened, measure
-from resilience.fragility.scenarios import Floats, Ints
+from resilience.fragility.scenarios import Bools, Floats, Ints
 
 Z_MOST = 8.5  # beyond, a standard normal variable has a probability of 1e-17
 
@@ -65,6 +65,8 @@ class SpanWind:
         height_m: above the ground, m.
         exposure: `water` or `land`.
         direction_deg: (spans, slots) towards which it blows, degrees clockwise from north.
+        strongest_mps: (spans, slots) strongest wind of a slot whatever its direction, where
+            `speed_mps` is that of the moment that is hardest on a span; crews wait for it.
     """
 
     speed_mps: Floats
@@ -72,6 +74,7 @@ class SpanWind:
     height_m: float
     exposure: str
     direction_deg: Floats | None = None
+    strongest_mps: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +122,10 @@ class Lines:
                 bool(((self.span_line >= 0) & (self.span_line < len(self.names))).all()),
                 f"span of an unknown line; allowed: 0 to {len(self.names) - 1}",
             ),
-            (bearing is None or len(bearing) == spans, f"bearings; allowed: {spans}, one a span"),
+            (
+                bearing is None or (len(bearing) == spans and bool(np.isfinite(bearing).all())),
+                f"bearings; allowed: {spans} numbers, one a span",
+            ),
         ]
         for one in self.series:
             rules.append(
@@ -220,8 +226,8 @@ def span_speed(lines: Lines, wind: WindAtSpans) -> Floats:
         )
     if not (np.isfinite(speed).all() and (speed >= 0.0).all()):
         wrong.append("speeds that are negative or no numbers; allowed: 0 m/s or more")
-    if lines.bearing_deg is not None and wind.direction_deg is None:
-        wrong.append("spans have a bearing, the wind has no direction")
+    if lines.bearing_deg is not None:
+        wrong += _direction_mistakes(wind.direction_deg, speed.shape)
     if wrong:
         raise UsageError(
             "wind at the spans: " + "; ".join(wrong),
@@ -232,6 +238,25 @@ def span_speed(lines: Lines, wind: WindAtSpans) -> Floats:
     across = np.sin(np.radians(wind.direction_deg - lines.bearing_deg[:, None]))
     found: Floats = speed * np.abs(across)
     return found
+
+
+def _direction_mistakes(direction_deg: Floats | None, shape: tuple[int, ...]) -> list[str]:
+    if direction_deg is None:
+        return ["spans have a bearing, the wind has no direction"]
+    if np.shape(direction_deg) != shape:
+        return [f"directions of shape {np.shape(direction_deg)}; allowed: {shape}, as the speeds"]
+    if not np.isfinite(direction_deg).all():
+        return ["directions that are no numbers; allowed: degrees clockwise from north"]
+    return []
+
+
+def calm(lines: Lines, wind: WindAtSpans, limit_mps: float) -> Bools:
+    """(lines, slots) True where no span of a line is in a wind above a limit."""
+    strongest = wind.strongest_mps if isinstance(wind, SpanWind) else None
+    speed = wind.speed_mps if strongest is None else strongest
+    windy = np.zeros((len(lines.names), speed.shape[1]), bool)
+    np.logical_or.at(windy, lines.span_line, speed > limit_mps)
+    return ~windy
 
 
 def factor_nodes(correlation: float) -> tuple[Floats, Floats]:

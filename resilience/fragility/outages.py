@@ -178,7 +178,7 @@ def draw(
     Raises:
         CaseError, UsageError: as `storm_scenarios` and `sample_bell`, or both asked for.
     """
-    from resilience.fragility.chain import file_track, storm_scenarios
+    from resilience.fragility.chain import reader, storm_scenarios
 
     asked = [key for key, value in bell.items() if value is not None]
     stormy = track is not None or (case.storm is not None and bool(case.storm.points))
@@ -194,8 +194,7 @@ def draw(
             f"{days} days of a storm; allowed: the case's horizon, {case.window}",
             hint="a storm comes once; leave out --days",
         )
-    found = file_track(case, track, storm=storm, averaging_s=averaging_s) if track else None
-    return storm_scenarios(case, n, seed, found)
+    return storm_scenarios(case, n, seed, reader(case, track, storm=storm, averaging_s=averaging_s))
 
 
 def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ...]:

@@ -64,7 +64,10 @@ class Repair:
                 self.law != "uniform" or tuple(sorted(self.hours)) == tuple(self.hours),
                 f"hours {self.hours}; allowed: shortest, then longest",
             ),
-            (self.crews is None or self.crews > 0, f"{self.crews} crews; allowed: 1 or more"),
+            (
+                self.crews is None or (self.crews > 0 and self.crews == int(self.crews)),
+                f"{self.crews} crews; allowed: a whole number, 1 or more",
+            ),
             (self.wind_limit_mps > 0.0, f"wind limit {self.wind_limit_mps}; allowed: above 0 m/s"),
         ]
         wrong = [text for good, text in rules if not good]

@@ -68,7 +68,7 @@ def _map(figure: Figure, axis: Axes, found: Hazard) -> None:
     """Track, swath of the strongest wind over the horizon, and where the feeder is."""
     here = found.storm
     place = here.geography
-    lat, lon = float(place.bus_lat_deg.mean()), float(place.bus_lon_deg.mean())
+    lat, lon = place.middle
     wide = REACH_DEG / np.cos(np.radians(lat))
     x, y = np.linspace(lon - wide, lon + wide, CELLS), lat + np.linspace(-1, 1, CELLS) * REACH_DEG
     across, up = np.meshgrid(x, y)
@@ -132,9 +132,7 @@ def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:
 
     here = found.storm
     network, place = here.case.network, here.geography
-    lat, lon = place.bus_lat_deg, place.bus_lon_deg
-    east = (lon - lon[0]) * 111.32 * np.cos(np.radians(lat[0]))
-    north = (lat - lat[0]) * 110.57
+    east, north = place.bus_km
     chance = dict(zip(here.lines.names, here.failed_by[:, -1], strict=True))
     scale, colours = Normalize(0.0, 1.0), mpl.colormaps[RISK]
     for k, name in enumerate(network.line_names):

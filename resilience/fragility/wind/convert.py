@@ -6,6 +6,7 @@ source here is refused:
 - **averaging time**, at 10 m: `AVERAGING`. Those of Harper, Kepert and Ginger 2010 (WMO/TD-No.
   1555), at sea and in-land: gusts of 3 s, as quoted by stormwindmodel; ten minutes at sea by their
   0.93 for sustained winds, in-land by the gust factor 1.21 of a minute in ten. 0.2 s is TCRM's.
+  Between ten minutes and a gust of 3 s their own factor, for gust factors do not compose.
 - **exposure**, one-minute means at 10 m: `ROUGHNESS`, a factor over land.
 - **height**, means over a minute or more: the logarithmic profile with the roughness lengths of
   Eurocode 1 (EN 1991-1-4, table 4.1): 0.003 m for the sea, 0.05 m for open country. Gusts at other
@@ -27,6 +28,7 @@ from resilience.fragility.scenarios import Floats
 EXPOSURES = ("water", "land")
 REFERENCE_HEIGHT_M = 10.0
 SUSTAINED_S = 60.0
+GUST_S = 3.0
 
 
 class Kind(NamedTuple):
@@ -56,6 +58,11 @@ AVERAGING: dict[tuple[str, float], Factor] = {
     ("land", 600.0): Factor(1.0 / 1.21, "Harper 2010, in-land"),
     ("land", 0.2): Factor(1.35, "TCRM"),
 }
+GUST_OF_TEN_MINUTES: dict[str, Factor] = {
+    "water": Factor(1.23, "Harper 2010, at sea, 3 s in 600 s"),
+    "land": Factor(1.66, "Harper 2010, in-land, 3 s in 600 s"),
+}
+"""Gust factors do not compose: by way of a minute it would be 1.80 over land."""
 ROUGHNESS_LENGTH_M = {"water": 0.003, "land": 0.05}
 LOWEST_M, HIGHEST_M = 2.0, 200.0
 
@@ -85,6 +92,9 @@ def factor(
     value, names = np.ones((1, 1)), list[str]()
     if now == wanted:
         return value, names
+    gust = _gust_of_ten_minutes(now, wanted)
+    if gust is not None:
+        return value * gust.value, [f"{gust.source}: {gust.value:.3g}"]
     for kind, power in ((now, -1), (wanted, 1)):
         if kind.exposure not in EXPOSURES:
             raise UsageError(
@@ -99,6 +109,16 @@ def factor(
         value = value * (reduction if wanted.exposure == "land" else 1.0 / reduction)
         names.append(f"{roughness}: {now.exposure} to {wanted.exposure}")
     return value, names
+
+
+def _gust_of_ten_minutes(now: Kind, wanted: Kind) -> Factor | None:
+    """The factor between a mean over ten minutes and a gust in it, if that is what is asked."""
+    if now[1:] != wanted[1:] or now.height_m != REFERENCE_HEIGHT_M:
+        return None
+    found = GUST_OF_TEN_MINUTES.get(now.exposure)
+    if found is None or {now.averaging_s, wanted.averaging_s} != {GUST_S, 10 * SUSTAINED_S}:
+        return None
+    return found if wanted.averaging_s == GUST_S else Factor(1.0 / found.value, found.source)
 
 
 def _averaging(kind: Kind) -> Factor:

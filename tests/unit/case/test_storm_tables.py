@@ -10,7 +10,8 @@ from valid import VALID
 import resilience as rs
 from resilience.case import case_text, load_case
 from resilience.case.geography import findings
-from resilience.case.storm_tables import GeographyTable, StormTable
+from resilience.case.schema import LineTable
+from resilience.case.storm_tables import CurveTable, GeographyTable, StormTable
 from resilience.errors import CaseError, Problem
 from resilience.fragility.chain import case_track, storm
 
@@ -142,15 +143,64 @@ def test_a_drawing_is_no_map() -> None:
     (found,) = findings(asked, case.network, places, inline=False, grid_bus="1")
     assert found[0] == "degrees"
     assert "33 buses beyond 180 degrees" in found[1]
+    with pytest.raises(CaseError, match="ohm of reactance per km"):
+        case.replace(geography=asked)
 
 
-def test_a_name_that_no_curve_has_is_refused() -> None:
+def test_names_that_nothing_has_are_refused_together() -> None:
     case = rs.load_case("ieee33_koinu")
     assert isinstance(case.storm, StormTable)
-    with pytest.raises(rs.UsageError, match="did you mean pole"):
-        storm(case.replace(storm=case.storm.model_copy(update={"pole": "polle"})))
-    with pytest.raises(rs.UsageError, match="holland2008"):
-        storm(case.replace(storm=case.storm.model_copy(update={"wind": "holland1900"})))
+    wrong = {
+        "pole": "polle",
+        "conductor": "wire",
+        "wind": "holland1900",
+        "asymmetry": "some",
+        "inflow": "much",
+        "roughness": "tchazards",
+        "rmw": "vickery",
+        "curves": {"mine": CurveTable(median_mps=50, averaging_s=3)},
+    }
+    lines = [*case.line, LineTable(name="2-3", pole="towr")]
+    with pytest.raises(CaseError) as caught:
+        storm(case.replace(storm=case.storm.model_copy(update=wrong), line=lines))
+    found = {(one.table, one.key): one for one in caught.value.problems}
+    assert found.keys() == {
+        ("[storm.curves.mine]", ""),
+        ("[[line]] 2-3", "pole"),
+        ("[storm]", "inland_km"),
+        *(("[storm]", key) for key in wrong if key not in ("curves", "roughness")),
+    }
+    assert found["[storm]", "pole"].hint == "did you mean pole?"
+    assert "mine" in found["[storm]", "conductor"].allowed
+    assert "beta" in found["[storm.curves.mine]", ""].value
+
+
+def test_curves_over_different_winds_do_not_mix() -> None:
+    case = rs.load_case("ieee33_koinu")
+    assert case.storm is not None
+    storm_table = case.storm.model_copy(update={"conductor": "erad-line"})
+    with pytest.raises(CaseError, match="curves over a 3 s mean at 10 m over land"):
+        storm(case.replace(storm=storm_table))
+
+
+def test_a_priority_of_a_line_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    text = placed(VALID) + STORM + '[storm.repair]\npriority = { "1-2" = 1, "2-9" = 2 }\n'
+    (found,) = problems(text, tmp_path)
+    assert (found.table, found.key, found.value) == ("[storm.repair]", "priority", '"2-9"')
+
+
+def test_lines_and_curves_of_a_case_survive_writing(tmp_path: Path) -> None:
+    head = '[[line]]\nname = "1-2"\n'
+    text = placed(VALID).replace(head, f"{head}pole = 'gantry'\nhardening = 1.2\nspan_m = 900\n")
+    path = tmp_path / "case.toml"
+    curve = "[storm.curves.gantry]\nmedian_mps = 62.0\nbeta = 0.2\naveraging_s = 3\n"
+    path.write_text(text + STORM + curve, encoding="utf-8")
+    case = load_case(path)
+    assert case.line[0].span_m == 900
+    again = tmp_path / "again.toml"
+    again.write_text(case_text(case), encoding="utf-8")
+    assert load_case(again).equals(case)
+    assert not case.replace(line=case.line[1:]).equals(case)
 
 
 def test_a_storm_of_another_day_misses_the_horizon() -> None:

@@ -10,8 +10,11 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case
+from resilience.case.schema import LineTable
+from resilience.case.storm_tables import CurveTable
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times, storm, storm_scenarios
+from resilience.fragility.curves import CURVES
 from resilience.fragility.likely import buses_text, likely
 from resilience.fragility.outages import outages_from, sample_case
 from resilience.fragility.scenarios import Scenarios
@@ -74,6 +77,81 @@ def test_a_storm_across_lines_only_breaks_fewer(koinu: Case, over: Storm) -> Non
     across = storm(changed(koinu, by_angle=True))
     assert (across.failed_by[:, -1] <= over.failed_by[:, -1] + 1e-12).all()
     assert across.failed_by[:, -1].sum() < 0.9 * over.failed_by[:, -1].sum()
+
+
+def test_the_angle_that_counts_is_that_of_the_hardest_moment(koinu: Case) -> None:
+    """Slots of an hour see the same largest wind across a line as slots of five minutes do."""
+    table = {"by_angle": True}
+    fine = storm(replace(changed(koinu, **table), step_min=5.0, slots=576))
+    coarse = storm(replace(changed(koinu, **table), step_min=60.0, slots=48))
+    assert len(slot_times(coarse.case)) == len(slot_times(fine.case))
+    np.testing.assert_allclose(coarse.failed_by[:, -1], fine.failed_by[:, -1], rtol=1e-12)
+    strongest = coarse.winds[0].strongest_mps
+    assert strongest is not None
+    assert (strongest >= coarse.winds[0].speed_mps).all()
+    windy = np.zeros((32, 48), bool)
+    np.logical_or.at(windy, coarse.lines.span_line, strongest > 20.0)
+    np.testing.assert_array_equal(coarse.calm(coarse.winds[0]), ~windy)
+
+
+def test_a_line_has_poles_spans_and_strength_of_its_own(koinu: Case, over: Storm) -> None:
+    """A substation is one element of its own curve, a cable never fails, the rest is as before."""
+    lines = [
+        LineTable(name="1-2", pole="substation", span_m=1000.0, hardening=1.1),
+        LineTable(name="2-3", hardening=1.6 * 1.2),
+        LineTable(name="3-4", underground=True),
+    ]
+    found = storm(koinu.replace(line=lines))
+    names = list(found.lines.names)
+    assert "3-4" not in names
+    assert not found.case.network.breakpoint[koinu.network.line("3-4")]
+    assert np.bincount(found.lines.span_line)[names.index("1-2")] == 1
+    gust = found.strongest_mps[names.index("1-2")].max()
+    assert found.failed_by[names.index("1-2"), -1] == pytest.approx(
+        CURVES["substation"].probability(gust / 1.1), abs=1e-9
+    )
+    before = dict(zip(over.lines.names, over.failed_by[:, -1], strict=True))
+    stronger = dict(zip(names, found.failed_by[:, -1], strict=True))
+    assert stronger["2-3"] < 0.5 * before["2-3"]
+    for name in set(names) - {"1-2", "2-3"}:
+        assert stronger[name] == pytest.approx(before[name], abs=1e-9)
+
+
+def test_conductors_are_hardened_with_their_lines(koinu: Case) -> None:
+    """Of two halves as strong as one another the second is as good as another pole per span."""
+    one = storm(changed(koinu, conductor="pole"))
+    twice = storm(changed(koinu, correlation=0.0, conductor="pole"))
+    once = storm(changed(koinu, correlation=0.0))
+    stands = 1.0 - once.failed_by[:, -1]
+    np.testing.assert_allclose(1.0 - twice.failed_by[:, -1], stands**2, rtol=1e-9)
+    assert (one.failed_by[:, -1] < twice.failed_by[:, -1]).all()
+
+
+def test_curves_and_options_of_the_wind_are_the_cases(koinu: Case, over: Storm) -> None:
+    same = CurveTable(median_mps=58.2, beta=0.195, averaging_s=3)
+    own = storm(changed(koinu, curves={"mine": same}, pole="mine"))
+    np.testing.assert_array_equal(own.failed_by, over.failed_by)
+    still = storm(changed(koinu, asymmetry="none"))
+    turned = storm(changed(koinu, inflow="hubbert1991"))
+    rough = storm(changed(koinu, roughness="tchazards", inland_km=3.0))
+    assert np.abs(still.winds[0].speed_mps - over.winds[0].speed_mps).max() > 1.0
+    assert np.abs(turned.winds[0].direction_deg - over.winds[0].direction_deg).max() > 10.0
+    ratio = (0.66 + 0.34 * np.exp(-3.0 / 0.4)) / 0.8
+    np.testing.assert_allclose(rough.winds[0].speed_mps, ratio * over.winds[0].speed_mps)
+
+
+def test_the_line_with_priority_is_mended_first(koinu: Case) -> None:
+    assert koinu.storm is not None
+    asked = {"crews": 1, "priority": {"12-13": 1.0}}
+    plain, first = (
+        storm(changed(koinu, repair=koinu.storm.repair.model_copy(update=keys))).scenarios(300, 0)
+        for keys in ({"crews": 1}, asked)
+    )
+    at = plain.lines.index("12-13")
+    assert first.down[at].sum() < 0.95 * plain.down[at].sum()
+    others = np.arange(len(plain.lines)) != at
+    assert first.down[others].sum() > plain.down[others].sum()
+    np.testing.assert_array_equal(first.down.any(axis=1), plain.down.any(axis=1))
 
 
 def test_stronger_poles_fail_less(koinu: Case, over: Storm) -> None:

@@ -132,3 +132,12 @@ def test_no_measure_and_no_factor() -> None:
         Curve("x", "lognormal", {"median_mps": 45.0, "beta": 0.4}, 0.0, -1.0, "sea", "")
     with pytest.raises(UsageError, match="a factor above 0"):
         hardened(CURVES["pole"], 0.0)
+
+
+def test_a_table_given_as_lists_is_hardened_like_one_of_tuples() -> None:
+    table = {"speed_mps": [10.0, 20.0, 40.0], "probability": [0.0, 0.5, 1.0]}
+    curve = Curve("t", "tabulated", table, 3.0, 10.0, "land", "")
+    speed = np.array([12.0, 25.0, 39.0])
+    for factor in (2, 1.3):
+        found = hardened(curve, factor).probability(factor * speed)
+        assert found == pytest.approx(curve.probability(speed))

@@ -87,6 +87,7 @@ def test_the_command_reads_a_track_file(tmp_path: Path, capsys: pytest.CaptureFi
     ("words", "message"),
     [
         (["hazard", "ieee33"], "33 of 33 buses without coordinates"),
+        (["hazard", "ieee33"], "points, or a track file"),
         (["hazard", "ieee33_koinu", "--storm", "KOINU"], "add --track FILE"),
         (["hazard", "ieee33_koinu", "--track", "nowhere.csv"], "does not exist"),
         (["scenarios", "ieee33_koinu", "--days", "2"], "a storm comes once"),
@@ -101,6 +102,40 @@ def test_what_cannot_be_is_refused(
         main(words)
     assert done.value.code == 1
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("lon", [179.9, 180.0, -179.9])
+def test_a_feeder_astride_the_dateline_is_where_it_is(lon: float) -> None:
+    """The same storm over the same feeder, moved round the earth."""
+    case = rs.load_case("ieee33_koinu")
+    assert case.storm is not None
+    assert case.geography is not None
+    by = lon - case.geography.anchor_lon_deg
+    points = tuple(
+        (p[0], p[1], (p[2] + by + 180.0) % 360.0 - 180.0, *p[3:]) for p in case.storm.points
+    )
+    moved = case.replace(
+        geography=case.geography.model_copy(update={"anchor_lon_deg": lon}),
+        storm=case.storm.model_copy(update={"points": points}),
+    )
+    here, there = hazard(case, n=5), hazard(moved, n=5)
+    assert there.closest[0] == pytest.approx(here.closest[0], abs=0.01)
+    np.testing.assert_allclose(there.storm.failed_by, here.storm.failed_by, atol=1e-6)
+    for one, other in zip(there.storm.geography.bus_km, here.storm.geography.bus_km, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-4)
+
+
+def test_mistakes_of_the_feeder_and_of_the_track_come_together(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text(TRACK.replace("22.0,122.0", "122.0,22.0"), encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main(["hazard", "ieee33", "--track", str(path)])
+    said = capsys.readouterr().err
+    assert "33 of 33 buses without coordinates" in said
+    assert "latitude" in said or "lat" in said
+    assert "track.csv" in said
 
 
 def test_a_track_without_its_averaging_time_is_refused(

@@ -131,6 +131,17 @@ def test_only_the_wind_across_a_span_counts(toward: float) -> None:
         failure_probability(lines, gusts(np.full((3, 1), 50.0)))
 
 
+def test_directions_that_are_no_numbers_or_too_few_are_refused() -> None:
+    bearing = np.array([0.0, 90.0])
+    lines, speed = poles([1, 1], 0.0, bearing_deg=bearing), np.full((2, 3), 50.0)
+    with pytest.raises(UsageError, match="directions that are no numbers"):
+        failure_probability(lines, gusts(speed, np.full((2, 3), np.nan)))
+    with pytest.raises(UsageError, match=r"directions of shape \(3, 2\); allowed: \(2, 3\)"):
+        failure_probability(lines, gusts(speed, np.zeros((3, 2))))
+    with pytest.raises(UsageError, match="bearings; allowed: 2 numbers"):
+        poles([1, 1], 0.0, bearing_deg=bearing * np.nan)
+
+
 def test_another_wind_than_the_curve_wants_is_refused() -> None:
     lines = poles([2])
     wind = replace(gusts([[30.0, -1.0]] * 3), averaging_s=60.0, exposure="water")

@@ -81,3 +81,13 @@ def test_an_unlabelled_wind_is_not_converted() -> None:
     odd = Wind(np.ones((1, 1)), np.zeros((1, 1)), 60.0, 10.0, "city")
     with pytest.raises(UsageError, match="exposure 'city'"):
         odd.to(averaging_s=3)
+
+
+def test_gust_factors_do_not_compose() -> None:
+    """Table 1.1 of Harper et al. 2010: 3 s in 600 s is 1.66 in-land and 1.23 at sea."""
+    for exposure, gust in (("land", 1.66), ("water", 1.23)):
+        ten = sea().to(averaging_s=600, exposure=exposure)
+        fast = ten.to(averaging_s=3)
+        np.testing.assert_allclose(fast.speed_mps, gust * ten.speed_mps)
+        np.testing.assert_allclose(fast.to(averaging_s=600).speed_mps, ten.speed_mps)
+        assert "3 s in 600 s" in fast.factors[-1]
