@@ -58,13 +58,15 @@ def scenarios(
     track: given.Track = None,
     storm: given.TrackStorm = None,
     averaging_s: given.Averaging = None,
+    shift: bell_options.Shift = 0.0,
+    reduce: bell_options.Reduce = None,
     as_json: given.AsJson = False,
 ) -> None:
     """Draw storms: which line is down when. What is not given here is the case's own."""
     from rich.console import Console
 
     from resilience import load_case
-    from resilience.fragility import print_scenarios, summary
+    from resilience.fragility import load_behind_mw, print_scenarios, reduced, summary
     from resilience.fragility.files import check_suffix
     from resilience.fragility.outages import draw
 
@@ -80,9 +82,12 @@ def scenarios(
         track=track,
         storm=storm,
         averaging_s=averaging_s,
+        shift=shift,
         centres=tuple(centre) if centre else None,
         **bell,
     )
+    if reduce is not None:
+        drawn = reduced(drawn, reduce, load_mw=load_behind_mw(found, drawn.lines))
     if out is not None:
         drawn.save(out)
     if as_json:

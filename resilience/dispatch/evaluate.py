@@ -230,7 +230,7 @@ def held_out(case: Case, days: int | None = None) -> Case:
     if case.storm is not None and case.storm.points:
         if days is not None:
             raise UsageError(
-                f"{days} days of case {case.name!r}; allowed: its own horizon, {case.window}",
+                f"--days {days} of case {case.name!r}; allowed: its own horizon, {case.window}",
                 hint="leave out --days: its storm comes once, on the days that the case says",
             )
         return case.replace(outages=())
@@ -240,7 +240,7 @@ def held_out(case: Case, days: int | None = None) -> Case:
     if file is None:
         if case.slots != days * per_day:
             raise UsageError(
-                f"case {case.name!r} has {case.slots / per_day:g} days and no profile file; "
+                f"case {case.name!r} has no profile file beyond its {case.slots} slots; "
                 f"allowed: --days {case.slots // per_day}",
                 hint="name a profile file in [profiles] to evaluate on more days",
             )
@@ -252,7 +252,7 @@ def held_out(case: Case, days: int | None = None) -> Case:
     most = math.ceil(TEST_SHARE * whole)
     if not 0 < days <= most:
         raise UsageError(
-            f"{days} days; allowed: 1 to {most}, the last quarter of the {whole} in the profiles",
+            f"--days {days}; allowed: 1 to {most}, the last quarter of the {whole} in the profiles",
             hint="the days before are for tuning and training",
         )
     first: datetime = times[(whole - days) * per_day].astype("datetime64[s]").item()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         sample_bell,
         sample_outages,
     )
-    from resilience.fragility.reduction import reduced
+    from resilience.fragility.reduction import load_behind_mw, reduced
     from resilience.fragility.repair import Repair
     from resilience.fragility.report import print_scenarios, summary
     from resilience.fragility.scenarios import Scenarios
@@ -54,6 +54,7 @@ _HOMES = {
     "hardened": "curves",
     "hazard": "damage",
     "joint_probability": "lines",
+    "load_behind_mw": "reduction",
     "load_scenarios": "files",
     "outages_from": "outages",
     "poles_in_series": "lines",
@@ -89,6 +90,7 @@ __all__ = [
     "hardened",
     "hazard",
     "joint_probability",
+    "load_behind_mw",
     "load_scenarios",
     "outages_from",
     "poles_in_series",

@@ -140,14 +140,18 @@ def storm(
 
 
 def storm_scenarios(
-    case: Case, n: int, seed: int, track: Track | Callable[[], Track] | None = None
+    case: Case,
+    n: int,
+    seed: int,
+    track: Track | Callable[[], Track] | None = None,
+    shift: float = 0.0,
 ) -> Scenarios:
     """`n` outage paths of the storm of a case, or of another on its feeder.
 
     Raises:
         CaseError, UsageError: as `storm`.
     """
-    return storm(case, track).scenarios(n, seed)
+    return storm(case, track).scenarios(n, seed, shift)
 
 
 def case_track(case: Case) -> Track:

@@ -31,3 +31,14 @@ CentreErrorSlots = Annotated[
     int | None, Option(help="Error of the forecast of the peak, up to so many slots.")
 ]
 Rate = Annotated[bool | None, Option(help="A rate per hour, so that the step does not matter.")]
+Shift = Annotated[
+    float,
+    Option(
+        help="Moves the common strength of a storm's poles by so many standard deviations: at -1 "
+        "damage is drawn more often and weighs less."
+    ),
+]
+Reduce = Annotated[
+    int | None,
+    Option(help="Keep so many that stand best for all; their weights add up to 1.", min=1),
+]

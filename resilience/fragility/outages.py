@@ -161,6 +161,7 @@ def draw(
     track: str | Path | None = None,
     storm: str | None = None,
     averaging_s: float | None = None,
+    shift: float = 0.0,
     **bell: Any,
 ) -> Scenarios:
     """`n` outage paths as a user asks for them: of a track, the case's storm, or the bell.
@@ -173,6 +174,7 @@ def draw(
         track: file of a storm in place of the case's.
         storm: which one, of several in the file.
         averaging_s: of the file's winds, where it does not say.
+        shift: of the common strength of a storm's poles; see `storms.Sampling`.
         bell: settings of the bell; any of them that is not None asks for it.
 
     Raises:
@@ -188,13 +190,19 @@ def draw(
             hint="a storm on its track has no bell",
         )
     if not stormy or asked:
+        if shift:
+            raise UsageError(
+                f"shift {shift:g} of a bell; allowed: of a storm only",
+                hint="give a track, or state a storm in the case",
+            )
         return sample_bell(case, case_bell(case, **bell), n, seed, days=days)
     if days is not None:
         raise UsageError(
             f"{days} days of a storm; allowed: the case's horizon, {case.window}",
             hint="a storm comes once; leave out --days",
         )
-    return storm_scenarios(case, n, seed, reader(case, track, storm=storm, averaging_s=averaging_s))
+    read = reader(case, track, storm=storm, averaging_s=averaging_s)
+    return storm_scenarios(case, n, seed, read, shift)
 
 
 def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ...]:

@@ -13,14 +13,50 @@ weighted by the load that hangs on it, if given.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resilience.errors import UsageError
 from resilience.fragility.scenarios import Floats, Ints, Scenarios
 
+if TYPE_CHECKING:
+    from resilience.case import Case
+
 Distances = NDArray[np.float32] | NDArray[np.float64]
 MOST = 20_000  # different scenarios: their distances take 1.6 GB
+
+
+def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
+    """(lines,) peak load that loses its way to the grid with a line, MW; all lines in service.
+
+    Raises:
+        UsageError: a line that the network lacks.
+    """
+    import networkx as nx
+
+    network = case.network
+    graph = nx.MultiGraph()
+    graph.add_nodes_from(range(len(network.bus_names)))
+    ends = zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)
+    graph.add_edges_from((i, j, k) for k, (i, j) in enumerate(ends) if network.in_service[k])
+    roots = {network.bus(grid.bus) for grid in case.grid}
+    load = np.zeros(len(network.bus_names))
+    for one in case.load:
+        load[network.bus(one.bus)] += one.p_max_mw
+    found = np.zeros(len(lines))
+    for at, name in enumerate(lines):
+        k = network.line(name)
+        edge = int(network.from_bus[k]), int(network.to_bus[k]), k
+        if not graph.has_edge(*edge):
+            continue
+        graph.remove_edge(*edge)
+        fed = {bus for part in nx.connected_components(graph) if part & roots for bus in part}
+        found[at] = sum(load[bus] for bus in range(len(load)) if bus not in fed)
+        graph.add_edge(*edge)
+    return found
 
 
 def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -> Scenarios:

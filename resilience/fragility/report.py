@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
-    """Chances per calendar day and mean times in hours, scenarios weighted.
+    """Chances over the horizon and per calendar day, mean times in hours, scenarios weighted.
 
     Args:
         scenarios: from the start of the case's horizon on.
@@ -28,11 +28,14 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
     begins = np.add.reduceat(down & ~before, first, axis=1, dtype=np.intp)
     hours = down.sum(axis=1) @ weight * case.step_h
     counts = begins.sum(axis=1) @ weight
+    ever = down.any(axis=1) @ weight
     chance = (begins > 0).mean(axis=1) @ weight
     together = down.all(axis=0) if len(scenarios.lines) else np.zeros(down.shape[1:], bool)
     all_out = np.logical_or.reduceat(together, first, axis=0).mean(axis=0) @ weight
     lines = {
         line: {
+            "outage_chance": float(ever[k]),
+            "hours_out": float(hours[k]),
             "outage_chance_per_day": float(chance[k]),
             "hours_out_per_day": float(hours[k] / len(first)),
             "hours_per_outage": float(hours[k] / counts[k]) if counts[k] else 0.0,
@@ -48,12 +51,13 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
         "seed": scenarios.seed,
         "process": scenarios.process,
         "lines": lines,
+        "all_out_chance": float(together.any(axis=0) @ weight),
         "all_out_chance_per_day": float(all_out),
     }
 
 
 def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
-    """Prints `summary` as a table."""
+    """Prints `summary` as a table: by day of a process that knows days, else over the horizon."""
     from rich import box
     from rich.table import Table
 
@@ -64,18 +68,21 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
         f"[bold]{case.name}[/bold]  {scenarios.n} scenarios of {days}{seed}", highlight=False
     )
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for head in ("line", "out on a day", "h out a day", "h per outage"):
+    daily = scenarios.centre is not None
+    per, heads = ("_per_day", ("out on a day", "h out a day")) if daily else ("", ("out", "h out"))
+    for head in ("line", *heads, "h per outage"):
         table.add_column(head, justify="left" if head == "line" else "right")
     for line, row in found["lines"].items():
         table.add_row(
             line,
-            f"{100 * row['outage_chance_per_day']:.1f} %",
-            f"{row['hours_out_per_day']:.2f}",
+            f"{100 * row[f'outage_chance{per}']:.1f} %",
+            f"{row[f'hours_out{per}']:.2f}",
             f"{row['hours_per_outage']:.2f}",
         )
     console.print(table)
     console.print(
-        f"all {len(scenarios.lines)} out at once on {100 * found['all_out_chance_per_day']:.1f} % "
-        "of days",
+        f"all {len(scenarios.lines)} out at once "
+        f"{'on' if daily else 'in'} {100 * found[f'all_out_chance{per}']:.1f} % of "
+        f"{'days' if daily else 'scenarios'}",
         highlight=False,
     )

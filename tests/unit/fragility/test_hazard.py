@@ -13,6 +13,7 @@ import resilience as rs
 from resilience import fragility
 from resilience.cli import main
 from resilience.fragility.feeder_hazard import Hazard, hazard
+from resilience.fragility.files import load_scenarios
 from resilience.plots.hazard import plot_hazard
 
 TRACK = """time,lat,lon,pressure_hpa,vmax_mps,averaging_s
@@ -136,6 +137,24 @@ def test_mistakes_of_the_feeder_and_of_the_track_come_together(
     assert "33 of 33 buses without coordinates" in said
     assert "latitude" in said or "lat" in said
     assert "track.csv" in said
+
+
+def test_rare_storms_are_drawn_often_and_few_stand_for_all(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "few.npz"
+    words = ["scenarios", "ieee33_koinu", "-n", "400", "--shift", "-1", "--reduce", "40"]
+    with pytest.raises(SystemExit) as done:
+        main([*words, "--out", str(path)])
+    assert done.value.code == 0
+    assert "out at once in" in capsys.readouterr().out
+    few = load_scenarios(path, rs.load_case("ieee33_koinu"))
+    assert few.n == 40
+    assert few.probability.sum() == pytest.approx(1.0)
+    assert few.probability.max() > 2.0 * few.probability.min()
+    with pytest.raises(SystemExit):
+        main(["scenarios", "ieee33", "--shift", "-1"])
+    assert "of a storm only" in capsys.readouterr().err
 
 
 def test_a_track_without_its_averaging_time_is_refused(

@@ -177,9 +177,12 @@ def test_the_summary_of_a_list() -> None:
     one = found["lines"]["1-2"]
     # Out from 2:00 to 4:00 and over midnight: two outages, both of which begin on the first day.
     assert one == {
+        "outage_chance": 1.0,
+        "hours_out": 4.5,
         "outage_chance_per_day": 0.5,
         "hours_out_per_day": 2.25,
         "hours_per_outage": 2.25,
     }
     assert found["all_out_chance_per_day"] == 0.5
+    assert found["all_out_chance"] == 1.0
     assert summary(fixed(case, []), case)["all_out_chance_per_day"] == 0.0

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+import resilience as rs
 from resilience.errors import UsageError
-from resilience.fragility.reduction import fast_forward, outage_distance, reduced
+from resilience.fragility.reduction import (
+    fast_forward,
+    load_behind_mw,
+    outage_distance,
+    reduced,
+)
 from resilience.fragility.scenarios import Scenarios
 
 
@@ -108,3 +114,10 @@ def test_no_reduction() -> None:
         reduced(drawn(5), 2, load_mw=[1.0, 2.0])
     with pytest.raises(UsageError, match="0 or more for each of 3 lines"):
         reduced(drawn(5), 2, load_mw=[1.0, 2.0, -1.0])
+
+
+def test_the_load_behind_a_line_is_what_hangs_on_it() -> None:
+    """The laterals of the paper's feeder as its case file sums them up, and a tie that is open."""
+    case = rs.load_case("ieee33")
+    found = load_behind_mw(case, ["1-2", "2-19", "3-23", "6-26", "17-18", "9-15"])
+    assert found == pytest.approx([9.43, 0.97, 2.11, 2.11, 0.32, 0.0])
