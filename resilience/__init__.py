@@ -27,8 +27,10 @@ if TYPE_CHECKING:
         SolverError,
         UsageError,
     )
+    from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.scenarios import Scenarios
     from resilience.models.replay import replay
+    from resilience.plots.hazard import plot_hazard
     from resilience.plots.plan import plot_plan
     from resilience.plots.report import plot_report
     from resilience.plots.scenario_plan import plot_scenario_plan
@@ -56,6 +58,8 @@ _HOMES = {
     "water_values": "dispatch.sddp.values",
     "plot_scenario_plan": "plots.scenario_plan",
     "Trajectory": "dispatch.trajectory",
+    "Hazard": "fragility.feeder_hazard",
+    "hazard": "fragility.feeder_hazard",
     "Scenarios": "fragility.scenarios",
     "CaseError": "errors",
     "InfeasibleError": "errors",
@@ -63,6 +67,7 @@ _HOMES = {
     "SolverError": "errors",
     "UsageError": "errors",
     "replay": "models.replay",
+    "plot_hazard": "plots.hazard",
     "plot_plan": "plots.plan",
     "plot_report": "plots.report",
     "plot_storm": "plots.storm",
@@ -75,6 +80,7 @@ __all__ = [
     "Case",
     "CaseError",
     "Comparison",
+    "Hazard",
     "InfeasibleError",
     "Network",
     "Outage",
@@ -91,11 +97,13 @@ __all__ = [
     "certify_trajectory",
     "compare",
     "evaluate",
+    "hazard",
     "load_case",
     "load_comparison",
     "load_plan",
     "load_scenario_plan",
     "parse_outages",
+    "plot_hazard",
     "plot_plan",
     "plot_report",
     "plot_scenario_plan",

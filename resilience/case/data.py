@@ -107,6 +107,19 @@ class Case:
 
         return replace_case(self, changes)
 
+    def with_line(self, name: str, **changes: Any) -> Case:
+        """Return a copy with other values for one line: `case.with_line("5-6", hardening=1.5)`.
+
+        Takes the keys of `[[line]]`. Raises `UsageError` for a line the network lacks, and
+        `CaseError` where the result is no valid case.
+        """
+        from resilience.case.change import replace_case
+
+        self.network.line(name)
+        lines = {line.name: line for line in self.line}
+        changed = lines.get(name, LineTable(name=name)).model_copy(update=changes)
+        return replace_case(self, {"line": [*(lines | {name: changed}).values()]})
+
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")

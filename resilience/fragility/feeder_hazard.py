@@ -7,6 +7,7 @@ A saved one is a folder that appears whole or not at all:
     failed_by.csv    probability that it has failed by the end of a slot, none mended
     wind.csv         strongest wind along each line, m/s, as its curves want it
     lines.csv        a row per line
+    loads.csv        a row per load
     outages.npz      the sampled scenarios
 """
 
@@ -90,6 +91,28 @@ class Hazard:
             )
         return rows
 
+    @cached_property
+    def loads(self) -> list[dict[str, Any]]:
+        """A row per load, of the sampled storms: how likely and how long it has no source."""
+        case, network = self.storm.case, self.storm.case.network
+        rows = []
+        for load in case.load:
+            bus = network.bus(load.bus)
+            dark = self.likely.dark_by_slot[bus]
+            demand_mw = load.p_max_mw * case.profile(load.profile)
+            rows.append(
+                {
+                    "load": load.name,
+                    "bus": load.bus,
+                    "p_max_mw": load.p_max_mw,
+                    "critical": load.critical,
+                    "dark_chance": float(self.likely.dark[bus]),
+                    "dark_hours": float(dark.sum() * case.step_h),
+                    "dark_mwh": float(dark @ demand_mw * case.step_h),
+                }
+            )
+        return rows
+
     def summary(self) -> dict[str, Any]:
         """Everything as plain data, slots from the start of the horizon."""
         here, case, closest = self.storm, self.storm.case, self.closest
@@ -115,13 +138,14 @@ class Hazard:
             "scenarios": self.scenarios.n,
             "seed": self.scenarios.seed,
             "process": self.scenarios.process,
+            "loads": self.loads,
             "islands": [asdict(one) for one in self.likely.islands],
             "islandings": [asdict(one) for one in self.likely.islandings],
             "buses": {
                 name: {"apart": apart, "dark": dark, "dark_hours": hours}
                 for name, apart, dark, hours in zip(
                     case.network.bus_names, self.likely.apart.tolist(), self.likely.dark.tolist(),
-                    self.likely.dark_hours.tolist(), strict=True,
+                    (case.step_h * self.likely.dark_by_slot.sum(axis=1)).tolist(), strict=True,
                 )
             },
         }  # fmt: skip
@@ -143,10 +167,8 @@ class Hazard:
             }
             for name, values in series.items():
                 self._series(target / f"{name}.csv", values)
-            with (target / "lines.csv").open("w", newline="", encoding="utf-8") as file:
-                writer = csv.DictWriter(file, list(self.lines[0]))
-                writer.writeheader()
-                writer.writerows(self.lines)
+            for name, rows in (("lines", self.lines), ("loads", self.loads)):
+                _rows(target / f"{name}.csv", rows)
             self.scenarios.save(target / "outages.npz")
         return Path(folder)
 
@@ -158,6 +180,13 @@ class Hazard:
             for t in range(case.slots):
                 when = case.window.time(t).isoformat()
                 writer.writerow([when, *(f"{value:.9g}" for value in values[:, t])])
+
+
+def _rows(path: Path, rows: list[dict[str, Any]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]) if rows else [])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def hazard(

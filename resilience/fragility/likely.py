@@ -57,14 +57,14 @@ class Likely:
         islandings: most probable first.
         apart: (buses,) probability of being apart from the grid at some time.
         dark: (buses,) probability of having no source at some time.
-        dark_hours: (buses,) expected hours without a source.
+        dark_by_slot: (buses, slots) probability of having no source in a slot.
     """
 
     islands: tuple[Island, ...]
     islandings: tuple[Islanding, ...]
     apart: Floats
     dark: Floats
-    dark_hours: Floats
+    dark_by_slot: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +94,14 @@ def likely(case: Case, scenarios: Scenarios, most: int = 10) -> Likely:
         most: islands, and islandings, that are kept.
     """
     found = _patterns(case, scenarios)
-    weight, step_h = scenarios.probability, case.step_h
+    weight = scenarios.probability
     apart, dark = (~mask[:, found.at] for mask in (found.grid, found.alive))
     return Likely(
         islands=tuple(_islands(case, found, weight))[:most],
         islandings=tuple(_islandings(case, found, weight))[:most],
         apart=apart.any(axis=1) @ weight,
         dark=dark.any(axis=1) @ weight,
-        dark_hours=step_h * dark.sum(axis=1) @ weight,
+        dark_by_slot=dark @ weight,
     )
 
 

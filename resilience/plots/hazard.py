@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.case.storm_tables import StormTable
 from resilience.fragility.chain import slot_times
-from resilience.fragility.lines import SpanWind, failure_probability, poles_in_series
+from resilience.fragility.lines import Lines, Series, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated
 from resilience.fragility.wind import wind
 from resilience.plots import style
@@ -72,11 +73,12 @@ def _map(figure: Figure, axis: Axes, found: Hazard) -> None:
     wide = REACH_DEG / np.cos(np.radians(lat))
     x, y = np.linspace(lon - wide, lon + wide, CELLS), lat + np.linspace(-1, 1, CELLS) * REACH_DEG
     across, up = np.meshgrid(x, y)
-    table = here.case.storm
+    table = here.case.storm or StormTable()
     eye = interpolated(here.track, slot_times(here.case))
-    model = table.wind if table is not None else "holland2008"
     around = (across.ravel() + 180.0) % 360.0 - 180.0
-    blown = wind(eye, up.ravel(), around, model=model).speed_mps.max(axis=1)
+    blown = wind(
+        eye, up.ravel(), around, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
+    ).speed_mps.max(axis=1)
     shades = axis.contourf(
         x, y, blown.reshape(across.shape), SWATH_MPS, cmap=MAP, extend="both", alpha=0.85
     )
@@ -225,28 +227,10 @@ def _curves(axis: Axes, found: Hazard) -> None:
 def _line_curve(found: Hazard, line: int) -> Floats:
     """Failure of a line in winds that are the same along it."""
     lines = found.storm.lines
-    series, mask = lines.series, lines.span_line == line
-    pole = series[0].curve
-    conductor = series[1].curve if len(series) > 1 else None
-    one = poles_in_series(
-        [lines.names[line]],
-        np.zeros(int(mask.sum()), np.intp),
-        pole=pole,
-        conductor=conductor,
-        correlation=lines.correlation,
-    )
-    curve = pole
-    return np.array(
-        [
-            failure_probability(
-                one,
-                SpanWind(
-                    np.full((int(mask.sum()), 1), speed),
-                    curve.averaging_s,
-                    curve.height_m,
-                    curve.exposure,
-                ),
-            )[0]
-            for speed in CURVE_MPS
-        ]
-    )
+    mask, curve = lines.span_line == line, lines.series[0].curve
+    spans = int(mask.sum())
+    series = tuple(Series(one.curve, one.count[mask]) for one in lines.series)
+    alone = Lines((lines.names[line],), np.zeros(spans, np.intp), series, lines.correlation)
+    measure = curve.averaging_s, curve.height_m, curve.exposure
+    winds = (SpanWind(np.full((spans, 1), speed), *measure) for speed in CURVE_MPS)
+    return np.array([failure_probability(alone, one)[0] for one in winds])

@@ -104,3 +104,18 @@ def test_a_changed_case_can_be_written_too(case_file, tmp_path):
     path = tmp_path / "changed.toml"
     path.write_text(case_text(case))
     assert load_case(path).equals(case)
+
+
+def test_one_line_changes_and_the_others_stay() -> None:
+    case = load_case("ieee33")
+    found = case.with_line("1-2", hardening=2.0, rating_mva=15.0).with_line("5-6", underground=True)
+    assert [line.name for line in found.line] == [*(line.name for line in case.line), "5-6"]
+    assert found.line[0].breakpoint
+    assert found.line[0].hardening == 2.0
+    assert found.network.rating_mva[found.network.line("1-2")] == 15.0
+    assert found.line[1:-1] == case.line[1:]
+    assert found.outages == case.outages
+    with pytest.raises(UsageError, match="'5-7' is not in the network"):
+        case.with_line("5-7", hardening=2.0)
+    with pytest.raises(CaseError, match="hardening"):
+        case.with_line("5-6", hardening=-1.0)

@@ -6,6 +6,7 @@ import csv
 import json
 from pathlib import Path
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -45,7 +46,8 @@ def test_the_summary_is_the_tables_and_names_what_is_made_up(found: Hazard, tmp_
     assert 1.0 - stands == pytest.approx(failed["16-17"], abs=1e-6)
     assert rs.load_case("ieee33_koinu").slots == len(rows)
     assert {path.name for path in folder.iterdir()} == {
-        "hazard.json", "hazard.csv", "failed_by.csv", "wind.csv", "lines.csv", "outages.npz"
+        "hazard.json", "hazard.csv", "failed_by.csv", "wind.csv",
+        "lines.csv", "loads.csv", "outages.npz",
     }  # fmt: skip
 
 
@@ -56,6 +58,54 @@ def test_buses_farther_out_are_cut_off_more_often(found: Hazard) -> None:
     for i, j, up in zip(network.from_bus, network.to_bus, network.in_service, strict=True):
         if up:
             assert apart[j] >= apart[i] - 1e-12
+
+
+def test_loads_without_a_source_are_those_that_simulated_islands_leave(found: Hazard) -> None:
+    """Of every storm and slot, by networkx: parts without grid, storage or generator are dark."""
+    case, drawn = found.storm.case, found.scenarios
+    network = case.network
+    sources = {network.bus(d.bus) for d in (*case.grid, *case.ess, *case.generator)}
+    step, dark = 16, np.zeros((len(network.bus_names), len(range(0, case.slots, 16))))
+    for number, t in enumerate(range(0, case.slots, step)):
+        for k in range(drawn.n):
+            out = {
+                line for line, down in zip(drawn.lines, drawn.down[:, t, k], strict=True) if down
+            }
+            graph = nx.Graph()
+            graph.add_nodes_from(range(len(network.bus_names)))
+            for name, i, j, up in zip(
+                network.line_names,
+                network.from_bus,
+                network.to_bus,
+                network.in_service,
+                strict=True,
+            ):
+                if up and name not in out:
+                    graph.add_edge(int(i), int(j))
+            for part in nx.connected_components(graph):
+                if not part & sources:
+                    dark[list(part), number] += drawn.probability[k]
+    np.testing.assert_allclose(found.likely.dark_by_slot[:, ::step], dark, atol=1e-12)
+    row = next(one for one in found.loads if one["load"] == "load20")
+    at = network.bus("32")
+    assert row["dark_hours"] == pytest.approx(0.25 * found.likely.dark_by_slot[at].sum())
+    mw = 0.46 * case.profile(next(one.profile for one in case.load if one.name == "load20"))
+    assert row["dark_mwh"] == pytest.approx(0.25 * (found.likely.dark_by_slot[at] * mw).sum())
+
+
+def test_the_course_of_the_storm_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as done:
+        main(["hazard", "ieee33_koinu", "-n", "50"])
+    assert done.value.code == 0
+    said = capsys.readouterr().out
+    rows = [
+        line.split() for line in said.splitlines() if line.strip().startswith(("d1", "d2", "d3"))
+    ]
+    failed = [float(row[3]) for row in rows]
+    assert failed == sorted(failed)
+    assert rows[-1][:2] == ["d3", "12:00"]
+    assert f"lines    {failed[-1]:.1f} of 32 expected to fail" in said
+    assert "lines down at once:" in said
 
 
 def test_the_picture_shows_what_it_is(found: Hazard, tmp_path: Path) -> None:
