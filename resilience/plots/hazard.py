@@ -219,7 +219,7 @@ def _curves(axis: Axes, found: Hazard) -> None:
     one = here.lines.series[0]
     axis.set_xlabel(f"wind, m/s: {one.curve.measure}")
     axis.set_ylabel("probability of failure")
-    axis.legend(frameon=False, fontsize=7, loc="lower right")
+    axis.legend(frameon=False, fontsize=7, loc="upper left")
     axis.set_title("Fragility", loc="left", fontsize=9, fontweight="bold")
     style.open_frame(axis)
 
