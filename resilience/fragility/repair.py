@@ -104,6 +104,21 @@ Again = Callable[[Ints, Ints, Ints, int], Ints]
 
 
 @dataclass(frozen=True, eq=False)
+class Begun:
+    """Outages that have begun before the first slot.
+
+    Attributes:
+        left: (lines, scenarios) slots of work left; 0 where a line is up.
+        since: (lines,) slot of failure, below 0 where a line is down.
+        waiting: (lines,) True where no crew has come yet.
+    """
+
+    left: Ints
+    since: Ints
+    waiting: Bools
+
+
+@dataclass(frozen=True, eq=False)
 class Repaired:
     """What became of the lines.
 
@@ -127,6 +142,7 @@ def repaired(
     crews: int | None = None,
     order: Ints | None = None,
     again: Again | None = None,
+    begun: Begun | None = None,
 ) -> Repaired:
     """Fails and repairs lines, slot by slot and in all scenarios at once.
 
@@ -138,10 +154,14 @@ def repaired(
         crews: see `Repair`.
         order: (lines,) rank of each line, lowest first; all alike if omitted.
         again: of a line that was repaired; it does not fail again if omitted.
+        begun: outages that have begun already; those lines fail at no slot of `first`.
     """
     lines, n = first.shape
     queue = _Queue(crews, np.zeros(lines, np.intp) if order is None else order, first.shape)
     left, times = np.zeros(first.shape, np.int32), np.zeros(first.shape, np.intp)
+    if begun is not None:
+        left[:] = begun.left
+        queue.resume(begun)
     failing = _by_slot(first, slots)
     down, work = np.zeros((lines, slots, n), bool), np.zeros((slots, n), np.intp)
     for t in range(slots):
@@ -168,6 +188,34 @@ def repaired(
     return Repaired(down, work, left.astype(np.intp))
 
 
+def crew_since(down: Bools, calm: Bools, crews: int, order: Ints) -> Ints:
+    """(lines,) slot in which a crew came to each line that is down at last; -1: none is there.
+
+    The queue of `repaired`, told from outages that were seen. It changes only where a line fails
+    or is back, or may be worked at again, so that other slots are passed over.
+
+    Args:
+        down: (lines, slots) where lines were seen down; at least one slot.
+        calm: (lines, slots) where there is work at a line.
+        crews: how many.
+        order: (lines,) rank of each line, lowest first.
+    """
+    queue, came = _Queue(crews, order, (len(down), 1)), np.full(len(down), -1)
+    before = np.zeros_like(down)
+    before[:, 1:] = down[:, :-1]
+    failed, can = down & ~before, down & calm
+    changes = (down != before).any(axis=0)
+    changes[1:] |= (can[:, 1:] != can[:, :-1]).any(axis=0)
+    for t in np.flatnonzero(changes).tolist():
+        queue.waiting &= down[:, t, None]
+        queue.join(np.flatnonzero(failed[:, t]), t)
+        waited = queue.waiting.copy()
+        queue.serve(can[:, t, None], down[:, t, None])
+        came[(waited & ~queue.waiting)[:, 0]] = t
+    found: Ints = np.where(down[:, -1] & ~queue.waiting[:, 0], came, -1)
+    return found
+
+
 def _by_slot(first: Ints, slots: int) -> list[list[Ints]]:
     """Of every slot: the flat indices of what fails first in it."""
     flat = np.minimum(first.ravel(), slots)
@@ -183,12 +231,20 @@ class _Queue:
         self.crews, self.rank = crews, rank
         self.waiting = np.zeros(shape, bool)
         self.since = np.zeros(shape, np.intp)
+        self.before = 0
+
+    def resume(self, begun: Begun) -> None:
+        """Takes over outages that have begun: those who wait have waited since their failure."""
+        if self.crews is not None:
+            self.before = -int(begun.since.min(initial=0))
+            self.since[:] = begun.since[:, None] + self.before
+            self.waiting[:] = begun.waiting[:, None] & (begun.left > 0)
 
     def join(self, event: Ints, t: int) -> None:
         """Lines that failed in slot t; each has its crew at once where crews are not short."""
         if self.crews is not None:
             self.waiting.ravel()[event] = True
-            self.since.ravel()[event] = t
+            self.since.ravel()[event] = t + self.before
 
     def serve(self, calm: Bools, out: Bools) -> None:
         """Sends the crews that are free to lines where they can start."""

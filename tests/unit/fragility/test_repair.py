@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import kstest, lognorm, norm
 
 from resilience.errors import UsageError
-from resilience.fragility.repair import Repair, Repaired, repaired
+from resilience.fragility.repair import Begun, Repair, Repaired, crew_since, repaired
 
 SLOTS = 400
 RNG = np.random.default_rng(5)
@@ -77,6 +77,36 @@ def test_the_queue_of_an_event_simulation(crews: int, ranked: bool) -> None:
             assert set(np.flatnonzero(found.down[:, t, k])) == down
             at_work = {i: left - bool(CALM[i, t]) for i, left in at_work.items()}
             at_work = {i: left for i, left in at_work.items() if left}
+
+
+@pytest.mark.parametrize("until", [15, 30, 55, 72, 100])
+@pytest.mark.parametrize(("crews", "ranked"), [(1, True), (2, False), (3, True)])
+def test_who_saw_the_outages_knows_the_queue(crews: int, ranked: bool, until: int) -> None:
+    """From the queue that outages tell of, and the work that is left, all goes on as it did."""
+    order = np.array([2, 0, 1, 1, 0, 3, 0, 2]) if ranked else np.zeros(8, int)
+    whole = run(crews, order=order)
+    for k in range(40):
+        past, length, first = whole.down[:, :until, k], LENGTH[:, k], FIRST[:, k]
+        came = crew_since(past, CALM[:, :until], crews, order)
+        assert (came >= 0).sum() <= crews
+        worked = CALM[:, :until] & (np.arange(until) >= came[:, None])
+        left = np.where(came >= 0, length - worked.sum(axis=1), length)
+        is_down = past[:, -1]
+        begun = Begun(
+            np.where(is_down, left, 0)[:, None],
+            np.where(is_down, first - until, 0),
+            is_down & (came < 0),
+        )
+        rest = repaired(
+            np.where(first >= until, first - until, SLOTS)[:, None],
+            lambda line, scenario, times, length=length: length[line],
+            lambda t: CALM[:, until + t, None],
+            SLOTS - until,
+            crews=crews,
+            order=order,
+            begun=begun,
+        )
+        assert (rest.down[:, :, 0] == whole.down[:, until:, k]).all()
 
 
 def test_one_crew_goes_to_the_hospital_first() -> None:
