@@ -30,6 +30,9 @@ class Memory:
         self.since = np.full(shape, -1)
         self.spent = np.zeros(shape, bool)
         self.failed = np.full(shape, -1)
+        # Only the queue of a storm's crews needs to know who was back when.
+        past = 0 if daily else case.slots
+        self.down = np.zeros((world.scenarios.n, len(self.lines), past), bool)
 
     def update(self, seen: Observation) -> None:
         """Takes notice of the line status of a slot; to be called once in each."""
@@ -42,6 +45,8 @@ class Memory:
         self.since[~down] = -1
         self.failed[began & ~self.spent] = clock
         self.spent |= down
+        if not self.daily:
+            self.down[:, :, seen.t] = down.T
 
     def clock(self, t: int) -> int:
         """Slot of the day of slot t, or of the storm."""
@@ -55,4 +60,5 @@ class Memory:
         """What is known of scenario k in the slot last noticed."""
         centre = int(seen.centre[k])
         since, spent, failed = (of[:, k] for of in (self.since, self.spent, self.failed))
-        return Known(self.clock(seen.t), centre, since, spent, self.day(seen.t), failed)
+        past = None if self.daily else self.down[k, :, : seen.t + 1]
+        return Known(self.clock(seen.t), centre, since, spent, self.day(seen.t), failed, past)

@@ -24,6 +24,7 @@ class Known:
         spent: (lines,) True where a line has failed today already.
         day: number of the day, from 0.
         first: (lines,) slot of a line's first failure, -1 where it has none; None: not remembered.
+        down: (lines, t + 1) where lines were seen down, slot by slot; None: not remembered.
     """
 
     t: int
@@ -32,6 +33,7 @@ class Known:
     spent: Bools
     day: int = 0
     first: Ints | None = None
+    down: Bools | None = None
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,10 @@ $$ w_c' \propto w_c \prod_{k\ \text{up}} S_k(t \mid c)
 which is exact, and failures to come follow from $S_k(t + m \mid c) / S_k(t \mid c)$. A line that
 was mended is believed to hold for the rest of the storm; the wind itself is not observed, only what
 it does to lines.
+
+Where crews are few, the queue is known from what was seen: when lines failed, which are back since
+when, and in which slots there was work. A line whose crew has worked for $d$ slots takes the work
+that is left of those repairs that take $d$ or more; a line that waits takes all of its work.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from scipy.special import ndtri
 from resilience.fragility.conditional import Known, strata
 from resilience.fragility.damage import accumulated
 from resilience.fragility.lines import factor_nodes, scores, span_speed
-from resilience.fragility.repair import Repair, repaired
+from resilience.fragility.repair import Begun, Repair, crew_since, repaired
 from resilience.fragility.scenarios import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -48,6 +52,8 @@ class StormBelief:
         repair: how lines are mended.
         step_h: length of a slot.
         seed: of sampled futures.
+        order: (lines,) rank of each line in the queue for a crew, lowest first; all alike if
+            omitted. The first of equals goes first.
     """
 
     daily = False
@@ -60,10 +66,12 @@ class StormBelief:
         repair: Repair,
         step_h: float,
         seed: int = 0,
+        order: Ints | None = None,
     ) -> None:
         self.fallen, self.weight, self.calm, self.seed = fallen, weight, calm, seed
         work = repair.work_slots((np.arange(GRID) + 0.5) / GRID, step_h)
         self.work, self.crews = np.sort(work), repair.crews
+        self.order = np.zeros(len(calm), np.intp) if order is None else order
         self._drawn: dict[int, tuple[Floats, Floats, Floats]] = {}
 
     @classmethod
@@ -87,8 +95,10 @@ class StormBelief:
         calm = np.ones((len(names), storm.case.slots), bool)
         calm[at] = np.mean([storm.calm(wind)[of] for wind in storm.winds], axis=0) >= 0.5
         every = np.tile(weight, len(storm.winds))
-        joined = fallen.reshape(-1, *shape[2:])
-        return cls(joined, every / every.sum(), calm, storm.repair, storm.timing.step_h, seed)
+        joined, step_h = fallen.reshape(-1, *shape[2:]), storm.timing.step_h
+        given = [-storm.repair.priority.get(name, 0.0) for name in names]
+        order = np.unique(given, return_inverse=True)[1].ravel()
+        return cls(joined, every / every.sum(), calm, storm.repair, step_h, seed, order)
 
     @property
     def slots(self) -> int:
@@ -150,9 +160,6 @@ class StormBelief:
             reached = rise[component] >= -np.log1p(-u[k])[:, None]
             first[k] = np.where(reached.any(axis=1), reached.argmax(axis=1), left)
         work = self.work[(length * GRID).astype(np.intp)]
-        for k in np.flatnonzero(known.since >= 0):
-            rest = self._rest(int(k), known, length[k])
-            first[k], work[k] = np.where(rest > 0, 0, left), rest
 
         def lengths(line: Ints, path: Ints, _: Ints) -> Ints:
             return work[line, path]
@@ -160,7 +167,10 @@ class StormBelief:
         def calm(slot: int) -> Bools:
             return self.calm[:, now + slot, None]
 
-        down[:, :left] = repaired(first, lengths, calm, left, crews=self.crews).down
+        down[:, :left] = repaired(
+            first, lengths, calm, left, crews=self.crews, order=self.order,
+            begun=self._begun(known, length, work),
+        ).down  # fmt: skip
         return down
 
     def expected_left(self, known: Known) -> Ints:
@@ -178,17 +188,27 @@ class StormBelief:
         found: Bools = (known.since < 0) & ~known.spent
         return found
 
-    def _rest(self, line: int, known: Known, u: Floats) -> Ints:
-        """(paths,) slots of work left on a line, of what it can be given its age.
+    def _begun(self, known: Known, u: Floats, work: Ints) -> Begun | None:
+        """Outages of the present: who waits, and the work left on each path.
 
-        Work began at once, whatever the number of crews.
+        Args:
+            known: what is known.
+            u: (lines, paths) uniform numbers, of the work of lines whose crew has come.
+            work: (lines, paths) of lines that wait.
         """
-        done = int(self.calm[line, known.since[line] : known.t + 1].sum())
-        possible = self.work[self.work >= done]
-        if not len(possible):
-            return np.zeros(len(u), np.intp)
-        found: Ints = possible[(u * len(possible)).astype(np.intp)] - done
-        return found
+        is_down, now = known.since >= 0, known.t + 1
+        if not is_down.any():
+            return None
+        came = known.since
+        if self.crews is not None:
+            came = crew_since(_seen(known), self.calm[:, :now], self.crews, self.order)
+        left = np.where(is_down[:, None], work, 0)
+        for k in np.flatnonzero(came >= 0).tolist():
+            done = int(self.calm[k, came[k] : now].sum())
+            least = int(np.searchsorted(self.work, done))
+            possible = self.work[least:] if least < len(self.work) else np.array([done])
+            left[k] = possible[(u[k] * len(possible)).astype(np.intp)] - done
+        return Begun(left, np.where(is_down, known.since - now, 0), is_down & (came < 0))
 
     def _draws(self, n: int) -> tuple[Floats, Floats, Floats]:
         """Stratified numbers: failure and length of work (lines, n), and component (n,)."""
@@ -198,6 +218,15 @@ class StormBelief:
             shape = (len(self.calm), n)
             self._drawn[n] = u.reshape(shape), length.reshape(shape), strata(n, rng)
         return self._drawn[n]
+
+
+def _seen(known: Known) -> Bools:
+    """(lines, t + 1) where lines were seen down: of those that are, where no more is remembered."""
+    if known.down is not None:
+        return known.down
+    slot = np.arange(known.t + 1)
+    found: Bools = (known.since[:, None] >= 0) & (slot >= known.since[:, None])
+    return found
 
 
 def _factor(correlation: float) -> tuple[Floats, Floats]:

@@ -66,8 +66,9 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
 def test_a_storm_is_remembered_over_midnight(world: World) -> None:
     memory = Memory(world, daily=False)
     down = np.ones((37, 2), bool)
-    down[memory.lines[3], 0] = False
-    for t in (95, 96, 97):
+    for t in (94, 95, 96, 97):
+        down[memory.lines[3], 0] = t == 94
+        down[memory.lines[5], 0] = t != 94  # back after one slot
         seen = type("Seen", (), {"t": t, "line_up": down, "centre": np.full(2, -1)})()
         memory.update(seen)
     known = memory.known(seen, 0)
@@ -75,6 +76,12 @@ def test_a_storm_is_remembered_over_midnight(world: World) -> None:
     assert known.since[3] == 95
     assert known.first is not None
     assert known.first[3] == 95
+    assert known.down is not None
+    assert known.down.shape == (32, 98)
+    assert np.argwhere(known.down).tolist() == [[3, 95], [3, 96], [3, 97], [5, 94]]
+    other = memory.known(seen, 1).down
+    assert other is not None
+    assert not other.any()
 
 
 def test_lines_that_a_case_thought_firm_fail_where_scenarios_say_so() -> None:
