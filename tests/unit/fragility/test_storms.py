@@ -6,13 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
 from resilience.fragility.clock import Clock
 from resilience.fragility.curves import Curve
 from resilience.fragility.damage import RUNNING_MAX, Timing, accumulated, failed_by
-from resilience.fragility.lines import failure_probability, joint_probability, scores, span_speed
+from resilience.fragility.lines import (
+    Lines,
+    SpanWind,
+    failure_probability,
+    joint_probability,
+    scores,
+    span_speed,
+)
 from resilience.fragility.repair import Repair
 from resilience.fragility.scenarios import Scenarios
 from resilience.fragility.storms import Sampling, effective_size, sample_storms
@@ -56,11 +64,55 @@ def test_importance_sampling_finds_what_is_rare() -> None:
     assert 1e-4 < exact[0] < 3e-3
     spread = []
     for shift in (0.0, -2.0):
-        found = sample_storms(lines, wind, N, 4, repair=None, sampling=Sampling(shift))
-        failed = found.down[:, -1].astype(float)
-        assert off(found, failed, exact)[0] < 4.0
-        spread.append(np.sqrt((((failed - exact[:, None]) * found.probability) ** 2).sum()))
+        seeds = [estimate(lines, wind, 2000, seed, shift) for seed in range(60)]
+        assert np.mean(seeds) == pytest.approx(exact[0], abs=4.0 * np.std(seeds) / np.sqrt(60))
+        spread.append(np.std(seeds))
     assert spread[1] < spread[0] / 3.0
+
+
+def estimate(lines: Lines, wind: SpanWind, n: int, seed: int, shift: float) -> float:
+    """Of the first line's chance to fail."""
+    found = sample_storms(lines, wind, n, seed, repair=None, sampling=Sampling(shift))
+    return float(found.down[0, -1] @ found.probability)
+
+
+@pytest.mark.parametrize(("n", "shift"), [(1, -2.0), (3, 1.5), (20, -1.0), (20, -2.0)])
+def test_few_weighted_scenarios_are_right_on_average(n: int, shift: float) -> None:
+    """Weights that are made to add up afterwards are too heavy where lines fail."""
+    lines = poles([20], 0.6)
+    wind = passing(lines, 28.5)
+    exact = failure_probability(lines, wind)[0]
+    assert 0.09 < exact < 0.12
+    each = [estimate(lines, wind, n, seed, shift) for seed in range(1500)]
+    assert np.mean(each) == pytest.approx(exact, abs=4.0 * np.std(each) / np.sqrt(1500))
+    if n == 20:
+        assert np.std(each) < 0.85 * np.sqrt(exact * (1.0 - exact) / n)
+
+
+@pytest.mark.parametrize("shift", [-6.0, -1.0, 6.0])
+def test_strata_of_the_common_factor(shift: float) -> None:
+    """At correlation 1 a line fails where Z is below its score: Z shows, one in each stratum."""
+    lines = poles([1], 1.0)
+    n = 400
+    edges = norm.ppf(np.arange(n + 1) / n) + shift
+    probability = np.where(edges[1:] < 0.0, *(np.diff(f(edges)) for f in (norm.cdf, mirrored)))
+    for chance in (0.02, 0.5, 0.98):
+        speed = 45.0 * np.exp(0.2 * norm.ppf(chance))
+        found = sample_storms(lines, gusts([[speed]]), n, 3, repair=None, sampling=Sampling(shift))
+        np.testing.assert_allclose(np.sort(found.probability), np.sort(probability), rtol=1e-9)
+        assert found.probability.sum() == pytest.approx(1.0, abs=1e-12)
+        failed = found.down[0, 0]
+        # All strata below the score fail and none above: the one that it lies in may do either.
+        heaviest = probability[np.searchsorted(edges, norm.ppf(chance)) - 1]
+        assert abs(failed @ found.probability - chance) <= heaviest
+        # The order of scenarios says nothing.
+        place = np.argsort(np.argsort(found.probability))
+        assert abs(np.corrcoef(np.arange(n), place)[0, 1]) < 4.0 / np.sqrt(n)
+
+
+def mirrored(z: np.ndarray) -> np.ndarray:
+    """The normal distribution function less 1, exact far above 0."""
+    return -norm.sf(z)
 
 
 def test_worth_of_weighted_scenarios() -> None:
