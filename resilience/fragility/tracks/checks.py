@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from resilience.errors import Problem
+from resilience.fragility.averaging import NAMELESS
 from resilience.fragility.scenarios import Bools, Floats, Ints
 from resilience.fragility.sphere import legs
-from resilience.fragility.tracks.averaging import NAMELESS
 from resilience.fragility.tracks.track import Times
 
 FASTEST_KMH = 200.0

@@ -8,7 +8,7 @@ Wind 0 is a gap; 9 stands for less than 10 m/s and is taken as it is.
 
 from __future__ import annotations
 
-from resilience.fragility.tracks.averaging import AGENCIES
+from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen
 from resilience.fragility.tracks.track import Track

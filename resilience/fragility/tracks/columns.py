@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import CaseError, Problem
+from resilience.fragility.averaging import KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.fragility.scenarios import Floats, Ints
-from resilience.fragility.tracks.averaging import KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.fragility.tracks.checks import problems
 from resilience.fragility.tracks.fill import filled
 from resilience.fragility.tracks.track import Times, Track

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import UsageError
+from resilience.fragility.averaging import KNOT_MPS, relation, to_one_minute
 from resilience.fragility.scenarios import Floats
 from resilience.fragility.sphere import legs, moved
-from resilience.fragility.tracks.averaging import KNOT_MPS, relation, to_one_minute
 from resilience.fragility.tracks.fill import HPA_PER_KNOT, LEAST_HPA, rmw_ibtracs
 from resilience.fragility.tracks.track import Track
 

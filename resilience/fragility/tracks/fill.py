@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Bools, Floats
-from resilience.fragility.tracks.averaging import (
+from resilience.fragility.averaging import (
     KNOT_MPS,
     NAUTICAL_MILE_KM,
     from_one_minute,
     relation,
     to_one_minute,
 )
+from resilience.fragility.scenarios import Bools, Floats
 
 PENV_HPA = {"NA": 1010.0, "EP": 1010.0, "SA": 1010.0, "NI": 1005.0, "SI": 1005.0, "WP": 1005.0}
 PENV_HPA |= {"SP": 1004.0}

@@ -8,7 +8,7 @@ longitude, wind (kt), pressure (hPa), twelve radii, and since 2021 the radius of
 from __future__ import annotations
 
 from resilience.errors import CaseError
-from resilience.fragility.tracks.averaging import AGENCIES
+from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen
 from resilience.fragility.tracks.track import Track

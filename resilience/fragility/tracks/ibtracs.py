@@ -13,7 +13,7 @@ import re
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.fragility.tracks.averaging import AGENCIES
+from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen, data_rows
 from resilience.fragility.tracks.track import Track

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from resilience.errors import UsageError
+from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
-from resilience.fragility.tracks.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
 

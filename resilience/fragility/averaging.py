@@ -4,16 +4,21 @@ Agencies report the largest wind as means over 1, 2, 3 or 10 minutes, and estima
 ways. The relations v = a v(1 min) + b, in knots, are those CLIMADA uses for the agency columns of
 IBTrACS. Winds of no known agency are converted by their averaging time alone: 10 minutes by 0.88,
 the convention of the agencies of the southern hemisphere, 2 minutes as CMA's, 3 as New Delhi's.
+
+It stands outside `tracks` so that the checks of a case can read it without all of that package.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from resilience.fragility.scenarios import Floats
-from resilience.fragility.tracks.track import Track
+
+if TYPE_CHECKING:
+    from resilience.fragility.tracks.track import Track
 
 KNOT_MPS = 0.514444
 NAUTICAL_MILE_KM = 1.852
