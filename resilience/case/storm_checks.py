@@ -5,23 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from statistics import median
 
+import numpy as np
+
+from resilience.case.network import FloatArray
 from resilience.case.parts import Parts
 from resilience.case.storm_tables import StormTable
 from resilience.case.tables import show
+from resilience.fragility.averaging import KNOT_MPS, NAMELESS
+from resilience.fragility.plausible import LON_HIGH, LON_LOW, leaps, too_strong
 
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
 
 _LIMITS = (
     (1, "latitude", -90.0, 90.0, "degrees north come after the time"),
-    (2, "longitude", -180.0, 180.0, "degrees east; west is negative"),
+    (2, "longitude", LON_LOW, LON_HIGH, "degrees east; west is negative, or counted on from 180"),
     (3, "pressure_hpa", 850.0, 1040.0, "hPa in the centre; write nan where it is unknown"),
-    (4, "vmax_mps", 0.0, 110.0, "probably knots; multiply by 0.514444"),
+    (4, "vmax_mps", 0.0, 110.0, f"probably knots; multiply by {KNOT_MPS}"),
 )
-_KNOTS, _STORMY_MPS = 1.55, 17.0
-_AVERAGES = (60.0, 120.0, 180.0, 600.0)
 
 
 def check_storm(parts: Parts) -> None:
@@ -43,8 +45,8 @@ def findings(storm: StormTable) -> Iterator[Finding]:
     if storm.averaging_s is None:
         hint = "NHC and JTWC average over 60 s, CMA over 120, JMA and most others over 600"
         yield "averaging_s", "nothing", "the seconds over which vmax is averaged", hint
-    elif storm.averaging_s not in _AVERAGES:
-        found, allowed = f"{storm.averaging_s:g}", ", ".join(f"{s:g}" for s in _AVERAGES)
+    elif storm.averaging_s not in NAMELESS:
+        found, allowed = f"{storm.averaging_s:g}", ", ".join(f"{s:g}" for s in NAMELESS)
         yield "averaging_s", found, allowed, "seconds, not minutes"
     if len(points) < 2:
         yield "points", f"{len(points)} point", "2 or more", "a track goes from point to point"
@@ -55,9 +57,11 @@ def findings(storm: StormTable) -> Iterator[Finding]:
             if not math.isnan(value) and not low <= value <= high:
                 key = f"points[{number}][{k + 1}]"
                 yield key, f"{what} {value:g}", f"{low:g} to {high:g}", hint
-        if math.isnan(point[3]) and math.isnan(point[4]):
-            hint = "one of them can be regressed from the other"
-            yield f"points[{number}]", "neither pressure nor wind", "one of the two", hint
+    if all(math.isnan(point[3]) and math.isnan(point[4]) for point in points):
+        allowed = "one of them, in one point at least"
+        hint = "one is regressed from the other, points with neither are filled in time"
+        yield "points", "neither pressure nor wind in any point", allowed, hint
+    yield from _leaps(storm)
     yield from _in_knots(storm)
 
 
@@ -74,17 +78,34 @@ def _times(storm: StormTable) -> Iterator[Finding]:
             yield f"points[{number}][1]", found, "a later time than the point before", "sort them"
 
 
+def _leaps(storm: StormTable) -> Iterator[Finding]:
+    if any(point[0].tzinfo for point in storm.points):
+        return
+    lat, lon, _, _ = _columns(storm)
+    first = storm.points[0][0]
+    hours = np.array([(point[0] - first).total_seconds() / 3600.0 for point in storm.points])
+    for leap in leaps(hours, lat, lon):
+        yield f"points[{leap.point + 1}]", leap.found, leap.allowed, leap.hint
+
+
 def _in_knots(storm: StormTable) -> Iterator[Finding]:
-    """The regression of wind on pressure of the IBTrACS archive, as CLIMADA 6.1 has it."""
-    ratios = [
-        vmax / (0.514444 * (1216.5223 - 0.04086 * lat - 0.04190 * lon - 1.1797 * pressure))
-        for _, lat, lon, pressure, vmax in storm.points
-        if 850.0 <= pressure <= 995.0 and vmax > _STORMY_MPS
-    ]
-    if len(ratios) > 1 and median(ratios) > _KNOTS and all(p[4] <= 110.0 for p in storm.points):
-        found = f"vmax {median(ratios):.2g} times what the pressures go with"
-        hint = "probably knots given as m/s; multiply by 0.514444"
-        yield "points", found, f"up to {_KNOTS:g} times", hint
+    """A wind beyond its limit is a finding of its own."""
+    if any(point[4] > _LIMITS[-1][3] for point in storm.points):
+        return
+    agency = NAMELESS.get(storm.averaging_s or 0.0, NAMELESS[60.0])
+    lat, lon, pressure, vmax = _columns(storm)
+    odd = too_strong(lat, lon, pressure, vmax, agency)
+    if odd is not None:
+        hint = f"probably knots given as m/s; multiply by {KNOT_MPS}"
+        yield "points", odd.found(f"points[{odd.point + 1}]"), odd.allowed, hint
+
+
+def _columns(storm: StormTable) -> FloatArray:
+    """Return latitudes, longitudes, pressures and winds, (4, n); a place off the earth is NaN."""
+    columns: FloatArray = np.array([point[1:] for point in storm.points], float).T
+    for k, _, low, high, _ in _LIMITS[:2]:
+        columns[k - 1][~((columns[k - 1] >= low) & (columns[k - 1] <= high))] = np.nan
+    return columns
 
 
 def _check_priority(parts: Parts, storm: StormTable) -> None:

@@ -123,10 +123,12 @@ class StormTable(Table):
     points: Annotated[tuple[Point, ...], Field(strict=False)] = Field(
         (),
         description="[[time, lat_deg, lon_deg, pressure_hpa, vmax_mps], ...]: local time, centre, "
-        "central pressure, sustained wind; nan where one of the last two is unknown",
+        "central pressure, sustained wind; nan where one of the last two is unknown, or both, but "
+        "not in every point. Longitudes -180 to 360",
     )
     averaging_s: Positive | None = Field(
-        None, description="time over which vmax is averaged: 60, 120 or 600; needed with points"
+        None,
+        description="time over which vmax is averaged, s: 60, 120, 180 or 600; needed with points",
     )
     utc_offset_h: float = Field(0.0, ge=-12, le=14, description="local time less UTC, h")
     day: date | None = Field(

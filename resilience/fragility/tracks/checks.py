@@ -9,12 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from resilience.errors import Problem
-from resilience.fragility.averaging import NAMELESS
+from resilience.fragility.averaging import AGENCIES, NAMELESS
+from resilience.fragility.plausible import LON_HIGH, LON_LOW, leaps, too_strong
 from resilience.fragility.scenarios import Bools, Floats, Ints
-from resilience.fragility.sphere import legs
 from resilience.fragility.tracks.track import Times
-
-FASTEST_KMH = 200.0
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ class Limit:
 
 LIMITS: dict[str, Limit] = {
     "lat": Limit(-90.0, 90.0, "degrees north", "south is negative"),
-    "lon": Limit(-180.0, 360.0, "degrees east", "west is negative, or counted on from 180"),
+    "lon": Limit(LON_LOW, LON_HIGH, "degrees east", "west is negative, or counted on from 180"),
     "vmax_mps": Limit(
         0.0, 110.0, "m/s", "winds in knots belong in a column `vmax_kt`, in km/h in `vmax_kmh`"
     ),
@@ -40,7 +38,12 @@ LIMITS: dict[str, Limit] = {
 
 
 def problems(
-    file: str, time: Times, fields: dict[str, Floats], rows: Ints, averaging_s: float | None
+    file: str,
+    time: Times,
+    fields: dict[str, Floats],
+    rows: Ints,
+    averaging_s: float | None,
+    agency: str = "",
 ) -> Iterator[Problem]:
     """Every mistake of a track.
 
@@ -50,6 +53,7 @@ def problems(
         fields: (n,) by name, NaN is a gap.
         rows: (n,) line of the file, for messages.
         averaging_s: of the wind; None if unknown.
+        agency: whose winds they are, a name of `AGENCIES`, or empty.
     """
     yield from _averaging(file, averaging_s)
     if len(time) < 2:
@@ -59,8 +63,8 @@ def problems(
     yield from _times(file, time, rows)
     yield from _ranges(file, fields, rows)
     yield from _gaps(file, fields, rows)
-    if not any(True for _ in _ranges(file, fields, rows)):
-        yield from _leaps(file, time, fields, rows)
+    yield from _leaps(file, time, fields, rows)
+    yield from _strength(file, fields, rows, averaging_s, agency)
 
 
 def _averaging(file: str, averaging_s: float | None) -> Iterator[Problem]:
@@ -94,10 +98,15 @@ def _times(file: str, time: Times, rows: Ints) -> Iterator[Problem]:
 def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
     for key, limit in LIMITS.items():
         value = fields[key]
-        outside: Bools = ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
-        for k in np.flatnonzero(outside):
+        for k in np.flatnonzero(_outside(key, value)):
             allowed = f"{limit.low:g} to {limit.high:g} {limit.unit}"
             yield Problem(file, f"row {rows[k]}", key, f"{value[k]:g}", allowed, limit.hint)
+
+
+def _outside(key: str, value: Floats) -> Bools:
+    limit = LIMITS[key]
+    found: Bools = ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
+    return found
 
 
 def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
@@ -118,17 +127,26 @@ def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]
 
 
 def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
-    """Legs no storm can travel: a slip in a sign, or latitude and longitude exchanged."""
-    if np.isnat(time).any() or np.isnan(fields["lat"] + fields["lon"]).any():
+    if not len(time):
         return
-    hours = np.diff(time).astype("timedelta64[s]").astype(float) / 3600.0
-    length = legs(fields["lat"], fields["lon"])[0] / 1000.0
-    for k in np.flatnonzero((hours > 0) & (length > FASTEST_KMH * hours)):
-        yield Problem(
-            file,
-            f"row {rows[k + 1]}",
-            "lat, lon",
-            f"{length[k]:.0f} km from the row before, {hours[k]:g} h earlier",
-            f"at most {FASTEST_KMH:g} km/h",
-            "look for a sign, or for latitude and longitude exchanged",
-        )
+    start = np.datetime64("2000-01-01", "s")
+    hours = np.where(np.isnat(time), np.nan, (time - start).astype(float) / 3600.0)
+    lat, lon = (np.where(_outside(key, fields[key]), np.nan, fields[key]) for key in ("lat", "lon"))
+    for leap in leaps(hours, lat, lon):
+        row = f"row {rows[leap.point]}"
+        yield Problem(file, row, "lat, lon", leap.found, leap.allowed, leap.hint)
+
+
+def _strength(
+    file: str, fields: dict[str, Floats], rows: Ints, averaging_s: float | None, agency: str
+) -> Iterator[Problem]:
+    """Winds in another unit, told by the pressures; one beyond the limit is reported as such."""
+    if _outside("vmax_mps", fields["vmax_mps"]).any():
+        return
+    whose = AGENCIES.get(agency) or NAMELESS.get(averaging_s or 0.0, AGENCIES["usa"])
+    odd = too_strong(
+        fields["lat"], fields["lon"], fields["pressure_hpa"], fields["vmax_mps"], whose
+    )
+    if odd is not None:
+        found, hint = odd.found(f"row {rows[odd.point]}"), LIMITS["vmax_mps"].hint
+        yield Problem(file, "track", "vmax_mps", found, odd.allowed, hint)

@@ -116,7 +116,9 @@ def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
         if key in named:
             fields[target] = scale * _numbers(key, named[key], rows, about)
     about.averaging_s = _averaging(named, rows, about)
-    about.problems += problems(about.file, time, fields, rows, about.averaging_s)
+    said = {(found.table, found.key) for found in about.problems}
+    found = problems(about.file, time, fields, rows, about.averaging_s, about.agency)
+    about.problems += [one for one in found if (one.table, one.key) not in said]
     if about.problems:
         raise CaseError(sorted(about.problems, key=_row))
     return _finished(time, fields, about)

@@ -20,6 +20,7 @@ from resilience.fragility.averaging import (
     relation,
     to_one_minute,
 )
+from resilience.fragility.plausible import usual_wind_kt
 from resilience.fragility.scenarios import Bools, Floats
 
 PENV_HPA = {"NA": 1010.0, "EP": 1010.0, "SA": 1010.0, "NI": 1005.0, "SI": 1005.0, "WP": 1005.0}
@@ -123,8 +124,7 @@ def _fill_intensity(found: dict[str, Floats], meta: dict[str, Any], notes: _Note
     knots = to_one_minute(v, agency) / KNOT_MPS
     from_v = 1026.3401 - 0.05504 * lat - 0.03536 * lon + HPA_PER_KNOT * knots
     from_v = np.clip(from_v, LEAST_HPA, found["penv_hpa"])
-    from_pc = 1216.5223 - 0.04086 * lat - 0.04190 * lon - 1.1797 * pc
-    from_pc = from_one_minute(np.maximum(from_pc, 0.0) * KNOT_MPS, agency)
+    from_pc = from_one_minute(np.maximum(usual_wind_kt(lat, lon, pc), 0.0) * KNOT_MPS, agency)
     notes.add("pressure_hpa", no_pc & ~no_v, "regression on the wind")
     notes.add("vmax_mps", no_v & ~no_pc, "regression on the pressure")
     both = no_pc & no_v

@@ -79,7 +79,8 @@ def test_every_line_in_service_may_fail_unless_the_case_says_otherwise(tmp_path:
         ("10-05T02", "10-05T09", "points[3][1]", "2023-10-05T08:00:00 after", "sort"),
         ("930, 54]", "930, 154]", "points[1][5]", "vmax_mps 154", "knots"),
         ("2023-10-04T20:00:00", "2023-10-04T20:00:00Z", "points[1][1]", "2023", "utc_offset_h"),
-        ("945, 47", "nan, nan", "points[3]", "neither", "regressed"),
+        ("21.9, 120.9", "21.9, -120.9", "points[3]", "from the point before", "a sign"),
+        ("21.9, 120.9", "21.9, 134.9", "points[3]", "6 h earlier", "exchanged"),
         ("laid_on = 2016-07-12\n", "", "laid_on", "nothing", "stands on"),
         ("laid_on = 2016-07-12", "laid_on = 2016-07-15", "points", "2016-07-14", "whole days"),
         ('name = "Test"', "correlation = 1.5", "correlation", "1.5", ""),
@@ -101,6 +102,41 @@ def test_knots_for_metres_per_second_are_found_by_the_pressure(tmp_path: Path) -
     (found,) = problems(placed(VALID) + knots, tmp_path)
     assert "knots" in found.hint
     assert found.key == "points"
+
+
+def test_knots_are_told_by_one_minute_winds(tmp_path: Path) -> None:
+    """82 m/s at 930 hPa, where 1.4 * 113.4 + 15 = 173.8 kt, 89.4 m/s: 82 / 0.88 are 93.2."""
+    text = placed(VALID) + STORM.replace(", 54]", ", 82]").replace("945, 47]", "930, 82]")
+    (tmp_path / "case.toml").write_text(text.replace("averaging_s = 600", "averaging_s = 60"))
+    assert load_case(tmp_path / "case.toml").storm is not None
+    (found,) = problems(text, tmp_path)
+    assert found.key == "points"
+    assert found.value.startswith("82 m/s at 930 hPa in points[")
+
+
+def test_a_slip_is_found_beside_other_mistakes(tmp_path: Path) -> None:
+    bad = STORM.replace("21.9, 120.9", "21.9, -120.9").replace("930, 54", "93000, 54", 1)
+    bad = bad.replace("21.9, 121.3, 930, 54", "21.9, 121.3, 930, 105").replace("945, 47", "945, 91")
+    found = problems(placed(VALID) + bad.replace("averaging_s = 600\n", ""), tmp_path)
+    assert [one.key for one in found] == ["averaging_s", "points[1][4]", "points[3]", "points"]
+
+
+def test_points_are_as_free_as_rows_of_a_file(tmp_path: Path) -> None:
+    """Longitudes count on from 180, and what no point says is filled from its neighbours."""
+    path = tmp_path / "case.toml"
+    text = placed(VALID).replace("lon_deg = 120.7", "lon_deg = 179.7")
+    moved = STORM.replace(" 122.0, 930, 54", " 181.0, 930, 54")
+    moved = moved.replace("121.3, 930, 54", "180.2, nan, nan").replace("120.9, 945", "179.4, 940")
+    path.write_text(text + moved, encoding="utf-8")
+    track = case_track(load_case(path))
+    assert track.lon == pytest.approx([-179.0, -179.8, 179.4])
+    assert track.pressure_hpa == pytest.approx([930.0, 935.0, 940.0])
+    assert track.vmax_mps == pytest.approx([54.0, 50.5, 47.0])
+    (far,) = problems(text + moved.replace("181.0", "400.0"), tmp_path)
+    assert (far.key, far.allowed) == ("points[1][3]", "-180 to 360")
+    nothing = STORM.replace("930, 54", "nan, nan").replace("945, 47", "nan, nan")
+    (none,) = problems(placed(VALID) + nothing, tmp_path)
+    assert (none.key, none.value) == ("points", "neither pressure nor wind in any point")
 
 
 def test_all_mistakes_come_in_one_list(tmp_path: Path) -> None:

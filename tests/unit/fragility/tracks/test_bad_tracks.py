@@ -116,3 +116,17 @@ def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
         ("AL092017", "rows"),
         ("row 2", "columns"),
     }
+
+
+def test_a_cell_that_cannot_be_read_is_one_mistake() -> None:
+    assert mistakes(GOOD | {"lat": [20, "north"]}) == [("row 2", "lat")]
+
+
+def test_a_leap_is_found_beside_other_mistakes() -> None:
+    found = mistakes(GOOD | {"lon": [115, -116], "vmax_mps": [40, 140]})
+    assert set(found) == {("row 2", "lat, lon"), ("row 2", "vmax_mps")}
+
+
+def test_a_track_across_the_dateline_may_count_on() -> None:
+    assert track_of(GOOD | {"lon": [179, 181]}, averaging_s=60).lon.tolist() == [179.0, -179.0]
+    assert mistakes(GOOD | {"lon": [179, 400]}) == [("row 2", "lon")]

@@ -1,0 +1,137 @@
+r"""What no storm does: blow far harder than its pressures go with, or travel too fast.
+
+Files of tracks and `[storm]` of a case are held against the same rules. With the latitude $\varphi$
+and longitude $\lambda$ in degrees and the central pressure $p$ in hPa, the usual one-minute wind is
+
+$$ u = 1216.5223 - 0.04086 \varphi - 0.04190 \lambda - 1.1797 p \quad \text{knots}, $$
+
+CLIMADA's regression on IBTrACS. A wind is too strong beyond $1.4 u + 15$ kt. The factor leaves room
+for small storms in high surroundings, the 15 kt for weak ones, whose pressure says little. Knots
+taken for m/s are 1.94 times too large: above the limit for a usual storm of 28 kt or more.
+
+A single wind may be odd, so the median of a track decides. In the best tracks of Rammasun (CMA),
+Harvey (NHC) and Koinu (CMA) single winds come up to 0.86 of the limit, and medians up to 0.75;
+with their knots taken for m/s the medians are 1.04 to 1.45 of it. A large storm with weak winds,
+below 0.8 of the usual, may pass in knots. Pressures above 1000 hPa and winds below 17 m/s are left
+out: they say little of each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from resilience.fragility.averaging import KNOT_MPS, Agency, from_one_minute, to_one_minute
+from resilience.fragility.scenarios import Floats
+from resilience.fragility.sphere import legs
+
+FASTEST_KMH = 200.0
+FACTOR, ROOM_KT = 1.4, 15.0
+LOWEST_HPA, WEAK_HPA, STORMY_MPS = 850.0, 1000.0, 17.0
+LON_LOW, LON_HIGH = -180.0, 360.0
+
+
+def usual_wind_kt(lat: Floats, lon: Floats, pressure_hpa: Floats) -> Floats:
+    """(n,) one-minute winds that go with central pressures, knots; not above 0 for weak lows."""
+    east = (lon + 180.0) % 360.0 - 180.0
+    found: Floats = 1216.5223 - 0.04086 * lat - 0.04190 * east - 1.1797 * pressure_hpa
+    return found
+
+
+@dataclass(frozen=True)
+class TooStrong:
+    """The oddest wind of a track whose winds are too strong, and what its pressure goes with.
+
+    All winds are in the averaging time of the track, m/s. `point` counts from 0.
+    """
+
+    point: int
+    found_mps: float
+    pressure_hpa: float
+    usual_mps: float
+    most_mps: float
+
+    def found(self, where: str) -> str:
+        """The wind in words; `where` is its point, as messages name it."""
+        wind = f"{self.found_mps:.4g} m/s at {self.pressure_hpa:g} hPa"
+        return f"{wind} in {where}, and most points alike"
+
+    @property
+    def allowed(self) -> str:
+        """What it may be, in words."""
+        return f"up to {self.most_mps:.0f} m/s there; {self.usual_mps:.0f} is usual"
+
+
+def too_strong(
+    lat: Floats, lon: Floats, pressure_hpa: Floats, vmax_mps: Floats, agency: Agency
+) -> TooStrong | None:
+    """Winds that must be in another unit, or None; see above.
+
+    Args:
+        lat: (n,) degrees; as in all of these, NaN is a gap.
+        lon: (n,) degrees.
+        pressure_hpa: (n,) in the centre.
+        vmax_mps: (n,) largest wind, as stated.
+        agency: whose winds they are; they are compared as means over one minute.
+    """
+    wind = to_one_minute(vmax_mps, agency)
+    usual = KNOT_MPS * usual_wind_kt(lat, lon, pressure_hpa)
+    most = FACTOR * usual + ROOM_KT * KNOT_MPS
+    tells = (pressure_hpa >= LOWEST_HPA) & (pressure_hpa <= WEAK_HPA) & (wind > STORMY_MPS)
+    at = np.flatnonzero(tells & np.isfinite(most))
+    share = wind[at] / most[at]
+    if not len(at) or np.median(share) <= 1.0:
+        return None
+    k = at[np.argmax(share)]
+    as_stated = from_one_minute(np.array([usual[k], most[k]]), agency)
+    return TooStrong(
+        int(k),
+        float(vmax_mps[k]),
+        float(pressure_hpa[k]),
+        float(as_stated[0]),
+        float(as_stated[1]),
+    )
+
+
+@dataclass(frozen=True)
+class Leap:
+    """A leg no storm can travel: a slip in a sign, or latitude and longitude exchanged.
+
+    `point` is where it ends, counted from 0.
+    """
+
+    point: int
+    km: float
+    hours: float
+
+    @property
+    def found(self) -> str:
+        """The leg, in words."""
+        return f"{self.km:.0f} km from the point before, {self.hours:g} h earlier"
+
+    @property
+    def allowed(self) -> str:
+        """What it may be, in words."""
+        return f"at most {FASTEST_KMH:g} km/h"
+
+    @property
+    def hint(self) -> str:
+        """What it usually is."""
+        return "look for a sign, or for latitude and longitude exchanged"
+
+
+def leaps(hours: Floats, lat: Floats, lon: Floats) -> list[Leap]:
+    """Legs faster than `FASTEST_KMH`; NaN is a time or place that is not known.
+
+    Args:
+        hours: (n,) time since any moment; legs that go back in time are left out.
+        lat: (n,) degrees.
+        lon: (n,) degrees.
+    """
+    if len(hours) < 2:
+        return []
+    lasts = np.diff(hours)
+    km = legs(lat, lon)[0] / 1000.0
+    far = (lasts > 0) & (km > FASTEST_KMH * lasts)
+    return [Leap(int(k) + 1, float(km[k]), float(lasts[k])) for k in np.flatnonzero(far)]
