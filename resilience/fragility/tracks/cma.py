@@ -8,7 +8,6 @@ Wind 0 is a gap; 9 stands for less than 10 m/s and is taken as it is.
 
 from __future__ import annotations
 
-from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen
 from resilience.fragility.tracks.track import Track
@@ -31,11 +30,16 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     if len(same) > 1:
         name = chosen([head[4] for head, _ in same], None, about.file)
     head, rows = same[0]
-    about.name, about.agency, about.basin = head[7], "cma", "WP"
+    about.name = head[7]
     about.source = f"{about.file}: {head[4]}, CMA best track"
-    about.averaging_s = about.averaging_s or AGENCIES["cma"].averaging_s
     if head[2].lstrip("0") != str(len(rows)):
-        about.wrong(name, "rows", len(rows), f"{head[2]}, as its header says", "rows are missing")
+        about.wrong(
+            name,
+            "rows",
+            len(rows),
+            f"{head[2] or 'a number'}, as its header says",
+            "rows are missing",
+        )
     return build(_columns(rows, about), about)
 
 

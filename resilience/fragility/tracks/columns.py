@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import CaseError, Problem
-from resilience.fragility.averaging import KNOT_MPS, NAUTICAL_MILE_KM
+from resilience.fragility.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.fragility.scenarios import Floats, Ints
 from resilience.fragility.tracks.checks import problems
 from resilience.fragility.tracks.fill import filled
@@ -62,7 +62,8 @@ class About:
     Attributes:
         file: name for messages.
         name, source: of the storm, of the analysis.
-        averaging_s: of the wind, s; None if unknown, an error unless a column says it.
+        averaging_s: of the wind, s; None if unknown, an error unless a column or the agency
+            says it. It must not contradict them.
         agency: a name of `AGENCIES`, or empty.
         basin: NA, EP, SA, NI, SI, WP or SP, for the environment's pressure; or empty.
         penv_hpa: pressure of the environment where no column says it; by basin if None.
@@ -95,12 +96,12 @@ def track_of(columns: Mapping[str, Sequence[Any]], **about: Any) -> Track:
         columns: (n,) each, by name: `time` (ISO 8601 or datetime, UTC unless it says otherwise),
             `lat`, `lon`, and `pressure_hpa` or `vmax_mps` (`vmax_kt`, `vmax_kmh`) or both; maybe
             `rmw_km` (`rmw_nmi`), `penv_hpa`, `averaging_s`. None, NaN and empty text are gaps.
-        about: fields of `About`: `averaging_s` (mandatory unless a column), `name`, `source`,
-            `basin`, `penv_hpa`, `rmw`.
+        about: fields of `About`: `averaging_s` (mandatory unless a column or `agency` says it),
+            `name`, `source`, `basin`, `penv_hpa`, `rmw`.
 
     Raises:
         CaseError: any mistake; all of them are listed, by row.
-        UsageError: an unknown regression.
+        UsageError: an unknown regression or basin.
     """
     return build(columns, About(**about))
 
@@ -227,16 +228,20 @@ def _numbers(key: str, values: Sequence[Any], rows: Ints, about: About) -> Float
 
 
 def _averaging(named: Mapping[str, Sequence[Any]], rows: Ints, about: About) -> float | None:
-    """The averaging time, from the column or what is known; they must not contradict each other."""
+    """The averaging time, from the column, the caller and the agency; they must agree."""
     said = set()
     if "averaging_s" in named:
         column = _numbers("averaging_s", named["averaging_s"], rows, about)
         said = set(column[~np.isnan(column)].tolist())
     if about.averaging_s is not None:
         said.add(float(about.averaging_s))
-    if len(said) > 1:
+    own = AGENCIES.get(about.agency)
+    if about.agency and own is None:
+        hint = "leave it out where none of these made the winds"
+        about.wrong("track", "agency", about.agency, ", ".join(AGENCIES), hint)
+    allowed = f"{own.averaging_s:g}, as {about.agency}" if own else "one averaging time"
+    if len(said) > 1 or (own and said - {own.averaging_s}):
         values = ", ".join(f"{value:g}" for value in sorted(said))
-        about.wrong(
-            "track", "averaging_s", values, "one averaging time", "convert one of them first"
-        )
-    return min(said, default=None)
+        hint = "leave it out: the agency's is known" if own else "convert one of them first"
+        about.wrong("track", "averaging_s", values, allowed, hint)
+    return own.averaging_s if own else min(said, default=None)

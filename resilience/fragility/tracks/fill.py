@@ -75,13 +75,18 @@ def filled(
             `RADII`.
 
     Raises:
-        UsageError: an unknown regression for the radius.
+        UsageError: an unknown regression for the radius, or basin.
     """
     if meta["rmw"] not in RADII:
         raise UsageError(
             f"regression {meta['rmw']!r} for the radius of maximum wind; "
             f"allowed: {', '.join(RADII)}",
             hint="ibtracs needs the pressure alone",
+        )
+    if meta["basin"] and meta["basin"] not in PENV_HPA:
+        raise UsageError(
+            f"basin {meta['basin']!r}; allowed: {', '.join(PENV_HPA)}",
+            hint="it stands for the pressure around the storm, which `penv_hpa` states outright",
         )
     found, notes = dict(given), _Notes(len(given["lat"]))
     _fill_environment(found, meta, notes)

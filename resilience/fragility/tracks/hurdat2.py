@@ -8,12 +8,11 @@ longitude, wind (kt), pressure (hPa), twelve radii, and since 2021 the radius of
 from __future__ import annotations
 
 from resilience.errors import CaseError
-from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen
 from resilience.fragility.tracks.track import Track
 
-BASINS = {"AL": "NA", "EP": "EP", "CP": "EP"}
+BASINS = {"AL": "NA", "EP": "EP", "CP": "EP", "WP": "WP"}
 Row = tuple[list[str], int]
 
 
@@ -33,9 +32,9 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     if len(same) > 1:
         name = chosen([head[0] for head in same], None, about.file)
     identifier, title, count, rows = same[0]
-    about.name, about.agency, about.basin = title, "usa", BASINS.get(identifier[:2], "")
+    about.name = title
+    about.basin = about.basin or BASINS.get(identifier[:2], "")
     about.source = f"{about.file}: {identifier}, HURDAT2"
-    about.averaging_s = about.averaging_s or AGENCIES["usa"].averaging_s
     if count != str(len(rows)):
         about.wrong(
             identifier, "rows", len(rows), f"{count}, as its header says", "rows are missing"

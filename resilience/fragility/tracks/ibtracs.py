@@ -15,6 +15,7 @@ import numpy as np
 from resilience.errors import UsageError
 from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
+from resilience.fragility.tracks.fill import PENV_HPA
 from resilience.fragility.tracks.plain import chosen, data_rows
 from resilience.fragility.tracks.track import Track
 
@@ -49,11 +50,8 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
         _check_units(unit_row, who, about)
     body = [(row, k) for row, k in body if _says(row, f"{who}_WIND") or _says(row, f"{who}_PRES")]
     about.agency = _known(body, who, about)
-    about.averaging_s = about.averaging_s or AGENCIES[about.agency].averaging_s
-    if about.averaging_s != AGENCIES[about.agency].averaging_s:
-        found, stated = about.averaging_s, AGENCIES[about.agency].averaging_s
-        about.wrong("track", "averaging_s", found, f"{stated:g}, as {who.lower()}", "leave it out")
-    about.basin = about.basin or (body[0][0].get("BASIN", "").strip() if body else "")
+    basin = body[0][0].get("BASIN", "").strip() if body else ""
+    about.basin = about.basin or (basin if basin in PENV_HPA else "")
     about.source = f"{about.file}: {about.source}, IBTrACS, {who.lower()}"
     about.rows = [k for _, k in body]
     return build(_columns(body, who), about)

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from resilience.errors import UsageError
-from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
 
+OWN = {"cma": ("cma", "WP"), "hurdat2": ("usa", "")}
+"""Agency and basin of a format that is an agency's own."""
+PARSERS = {"cma": cma.parse, "hurdat2": hurdat2.parse, "csv": plain.parse}
 FORMATS = ("ibtracs", "hurdat2", "cma", "csv")
 OPTIONS = ("agency", "penv_hpa", "rmw", "basin")
 
@@ -35,38 +37,37 @@ def read_track(
             or agency states must not be contradicted.
         storm: identifier or name (`AL092017`, `HARVEY`), needed where a file has several.
         options: `agency` (IBTrACS: usa, wmo, tokyo, cma, hko, ...; by default usa where it has
-            winds for at least half of the points, else whoever has most), `penv_hpa`, `rmw` and
-            `basin` as in `track_of`.
+            winds for at least half of the points, else whoever has most; CSV: whose winds they
+            are), `penv_hpa`, `rmw` and `basin` as in `track_of`, before what the file says.
 
     Raises:
         CaseError: the file has mistakes; all of them are listed, with their rows.
-        UsageError: no such file, format, storm, agency or option.
+        UsageError: no such file, format, storm, agency, basin or option.
     """
     path = Path(path)
     _check(path, format, options)
     text = path.read_text(encoding="utf-8-sig", errors="replace")
     looks = _look(text)
-    about = About(file=path.name, averaging_s=averaging_s)
-    for key in ("penv_hpa", "rmw", "basin"):
-        if options.get(key) is not None:
-            setattr(about, key, options[key])
-    kind = looks if format in (None, looks) else format
-    if looks == "csv":
-        if kind in ("cma", "hurdat2"):
-            about.agency, basin = {"cma": ("cma", "WP"), "hurdat2": ("usa", "")}[kind]
-            about.basin = about.basin or basin
-            about.averaging_s = averaging_s or AGENCIES[about.agency].averaging_s
-        return plain.parse(text, about, storm)
-    if kind != looks:
+    kind = looks if format is None else format
+    if kind != looks and not (looks == "csv" and kind in OWN):
         raise UsageError(
             f"{path.name} looks like {looks}, not {kind}; allowed: its own format",
             hint="leave out the format",
         )
-    if kind == "ibtracs":
-        return ibtracs.parse(text, about, storm, options.get("agency"))
-    if kind == "hurdat2":
-        return hurdat2.parse(text, about, storm)
-    return cma.parse(text, about, storm)
+    agency = options.get("agency")
+    about = About(file=path.name, averaging_s=averaging_s)
+    about.agency, about.basin = OWN.get(kind, ((agency or "").lower(), ""))
+    if kind in OWN and agency not in (None, about.agency):
+        raise UsageError(
+            f"agency {agency!r} of a file in format {kind}; allowed: {about.agency}",
+            hint="leave out the agency",
+        )
+    for key in ("penv_hpa", "rmw", "basin"):
+        if options.get(key) is not None:
+            setattr(about, key, options[key])
+    if looks == "ibtracs":
+        return ibtracs.parse(text, about, storm, agency)
+    return PARSERS[looks](text, about, storm)
 
 
 def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:

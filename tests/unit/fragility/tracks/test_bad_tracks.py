@@ -130,3 +130,17 @@ def test_a_leap_is_found_beside_other_mistakes() -> None:
 def test_a_track_across_the_dateline_may_count_on() -> None:
     assert track_of(GOOD | {"lon": [179, 181]}, averaging_s=60).lon.tolist() == [179.0, -179.0]
     assert mistakes(GOOD | {"lon": [179, 400]}) == [("row 2", "lon")]
+
+
+def test_an_unknown_basin_or_agency_is_refused() -> None:
+    with pytest.raises(UsageError, match="basin 'WPAC'; allowed: NA, EP, SA, NI, SI, WP, SP"):
+        track_of(GOOD, averaging_s=60, basin="WPAC")
+    assert mistakes(GOOD, agency="jma") == [("track", "agency")]
+
+
+def test_an_averaging_time_must_be_the_agency_s() -> None:
+    assert track_of(GOOD, agency="cma").averaging_s == 120.0
+    for about in ({"averaging_s": 60}, {"averaging_s": 600}):
+        assert mistakes(GOOD, agency="cma", **about) == [("track", "averaging_s")]
+    column = GOOD | {"averaging_s": [60, 60]}
+    assert mistakes(column, agency="cma", averaging_s=None) == [("track", "averaging_s")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -154,6 +155,62 @@ def test_a_longitude_of_minus_99_is_a_place(tmp_path: Path) -> None:
     assert track.lon[1] == -99.0
     assert track.filled["vmax_mps"] == "1 of 3: linear in time"
     assert track.vmax_mps[1] == 35.0
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "own"),
+    [
+        (CMA, {"storm": "1409"}, "120, as cma"),
+        (HURDAT2, {"storm": "HARVEY"}, "60, as usa"),
+        (IBTRACS, {"storm": "koinu", "agency": "tokyo"}, "600, as tokyo"),
+        (PLAIN, {"format": "cma"}, "120, as cma"),
+        (PLAIN.replace(",120,", ",60,"), {"format": "hurdat2"}, "60, as usa"),
+        (PLAIN, {"agency": "CMA"}, "120, as cma"),
+    ],
+)
+def test_an_averaging_time_must_not_contradict_the_format(
+    text: str, options: dict[str, Any], own: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, text)
+    stated = float(own.partition(",")[0])
+    assert read_track(path, averaging_s=stated, **options).averaging_s == stated
+    assert read_track(path, **options).averaging_s == stated
+    for other in {60.0, 120.0, 180.0, 600.0} - {stated}:
+        with pytest.raises(CaseError) as caught:
+            read_track(path, averaging_s=other, **options)
+        (found,) = caught.value.problems
+        assert (found.key, found.allowed) == ("averaging_s", own)
+        assert f"{other:g}" in found.value
+        assert "leave it out" in found.hint
+
+
+def test_a_column_must_not_contradict_the_format_either(tmp_path: Path) -> None:
+    with pytest.raises(CaseError, match="60, as usa"):
+        read_track(written(tmp_path, PLAIN), format="hurdat2")
+
+
+def test_another_agency_than_the_format_s_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="agency 'tokyo' of a file in format cma; allowed: cma"):
+        read_track(written(tmp_path, CMA), storm="1409", agency="tokyo")
+    with pytest.raises(UsageError, match="looks like csv, not ibtracs"):
+        read_track(written(tmp_path, PLAIN), format="ibtracs")
+
+
+def test_the_basin_of_the_caller_wins(tmp_path: Path) -> None:
+    for text, storm, own, value in (
+        (HURDAT2, "HARVEY", "NA", 1010.0),
+        (HURDAT2.replace("AL092017", "WP092017"), "WP092017", "WP", 1005.0),
+        (CMA, "1409", "WP", 1005.0),
+        (IBTRACS.replace(",WP,MM", ",SP,MM").replace(",1004,15,", ",,15,"), "KOINU", "SP", 1004.0),
+    ):
+        path = written(tmp_path, text)
+        track = read_track(path, storm=storm)
+        assert track.penv_hpa[0] == value
+        assert track.filled["penv_hpa"].endswith(f"basin {own}")
+        other = "SP" if own != "SP" else "NA"
+        asked = read_track(path, storm=storm, basin=other)
+        assert asked.penv_hpa[0] == {"SP": 1004.0, "NA": 1010.0}[other]
+        assert asked.filled["penv_hpa"].endswith(f"basin {other}")
 
 
 @pytest.mark.parametrize(
