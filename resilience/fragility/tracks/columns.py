@@ -7,6 +7,7 @@ All readers end here, and so does a storm stated in a case. A column's name carr
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -50,7 +51,11 @@ SAME: dict[str, str] = {
     "environmental_pressure_hpa": "penv_hpa",
 }
 FIELDS = ("lat", "lon", "pressure_hpa", "vmax_mps", "rmw_km", "penv_hpa")
+NAMES = [key for key in KNOWN if key not in ("lat", "lon")]
 UNITLESS = ("vmax", "wind", "vm", "pressure", "pc", "pres", "rmw", "penv")
+MEANT = re.compile("vmax|wind|pressure|rmw|penv")
+MEANT_WORDS = {"vm", "pc", "pres", "msw", "mslp", "pmin", "poci", "rmax"}
+BESIDES = {"direction", "dir", "radii", "source", "quality", "flag", "note"}
 EMPTY = ("", "na", "n/a", "nan", "none", "-")
 GAPS = (-99.0, -999.0)  # in agencies' files; a longitude may well be -99
 
@@ -165,9 +170,10 @@ def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequ
                 "they say the same",
             )
             continue
-        if key in UNITLESS:
-            hint = "winds: vmax_mps, vmax_kt; pressures: pressure_hpa, penv_hpa; radius: rmw_km"
-            about.wrong("heading", heading, "no unit", "a name with a unit", hint)
+        if _is_meant(key):
+            found_as = "no unit" if key in UNITLESS else "an unknown name"
+            hint = "units stand in the name; call a column that means something else otherwise"
+            about.wrong("heading", heading, found_as, f"one of {', '.join(NAMES)}", hint)
         if key in KNOWN or key in ("time", "averaging_s"):
             source[target] = heading
             found[key] = values
@@ -183,6 +189,14 @@ def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequ
     if missing:
         raise CaseError(about.problems)
     return found
+
+
+def _is_meant(key: str) -> bool:
+    """Whether an unknown name looks like a wind, a pressure or a radius of maximum wind."""
+    words = set(re.split(r"[^a-z]+", key))
+    if key in KNOWN or words & BESIDES:
+        return False
+    return bool(MEANT.search(key) or words & MEANT_WORDS)
 
 
 def _times(values: Sequence[Any], rows: Ints, about: About) -> Times:

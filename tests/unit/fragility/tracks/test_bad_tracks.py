@@ -118,6 +118,28 @@ def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(
+    "heading",
+    ["vmax_knots", "wind_kt", "Wind (kt)", "WINDSPEED", "max_wind_ms", "pressure_pa", "PC_mb",
+     "central pressure", "rmw_m", "RMW (miles)", "penv_pa", "pres_mb", "mslp", "rmax_km"],
+)  # fmt: skip
+def test_a_heading_that_means_a_field_in_another_unit_is_refused(heading: str) -> None:
+    columns = GOOD | {"pressure_hpa": [950, 950], heading: [40, 40]}
+    with pytest.raises(CaseError) as caught:
+        track_of(columns, averaging_s=60)
+    (found,) = caught.value.problems
+    assert (found.table, found.key) == ("heading", heading)
+    for name in ("vmax_mps", "vmax_kt", "pressure_hpa", "rmw_nmi", "penv_hpa"):
+        assert name in found.allowed
+
+
+def test_headings_of_other_things_are_left_alone() -> None:
+    others = ("status", "radii34_50_64kt_ne_se_sw_nw_nmi", "wind_direction", "pressure_source",
+              "wind_radii_34kt_nmi", "basin", "speed_kmh", "pcode", "presumed")  # fmt: skip
+    track = track_of(GOOD | {key: [1, 2] for key in others}, averaging_s=60)
+    assert track.vmax_mps.tolist() == [40.0, 40.0]
+
+
 def test_a_cell_that_cannot_be_read_is_one_mistake() -> None:
     assert mistakes(GOOD | {"lat": [20, "north"]}) == [("row 2", "lat")]
 
