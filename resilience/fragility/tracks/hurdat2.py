@@ -7,12 +7,15 @@ longitude, wind (kt), pressure (hPa), twelve radii, and since 2021 the radius of
 
 from __future__ import annotations
 
+import re
+
 from resilience.errors import CaseError
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import chosen
 from resilience.fragility.tracks.track import Track
 
 BASINS = {"AL": "NA", "EP": "EP", "CP": "EP", "WP": "WP"}
+PLACE = re.compile(r"(\d+(?:\.\d*)?)\s*([NSEW])", re.IGNORECASE)
 Row = tuple[list[str], int]
 
 
@@ -68,8 +71,8 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
         numbers.append(number)
         day, hour = parts[0], parts[1]
         found["time"].append(f"{day[:4]}-{day[4:6]}-{day[6:]}T{hour[:2]}:{hour[2:]}")
-        found["lat"].append(_signed(parts[4], "S"))
-        found["lon"].append(_signed(parts[5], "W"))
+        found["lat"].append(_signed("lat", parts[4], "NS", number, about))
+        found["lon"].append(_signed("lon", parts[5], "EW", number, about))
         found["vmax_kt"].append(parts[6])
         found["pressure_hpa"].append(parts[7])
         found["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
@@ -79,6 +82,11 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
     return found
 
 
-def _signed(text: str, negative: str) -> str:
-    """`45.8W` as `-45.8`; what is no such thing stays, to be reported."""
-    return f"{'-' if text.endswith(negative) else ''}{text.rstrip('NSEW')}"
+def _signed(key: str, text: str, letters: str, row: int, about: About) -> str:
+    """`45.8W` as `-45.8`; nothing, and a mistake, where the hemisphere is missing or another's."""
+    found = PLACE.fullmatch(text)
+    if found is None or found[2].upper() not in letters:
+        allowed = f"degrees and {' or '.join(letters)}, as 45.8{letters[1]}"
+        about.wrong(row, key, text or "nothing", allowed, "HURDAT2 has no signs")
+        return ""
+    return f"{'-' if found[2].upper() == letters[1] else ''}{found[1]}"

@@ -214,6 +214,27 @@ def test_the_basin_of_the_caller_wins(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "key"),
+    [
+        ("27.8N", "27.8", "lat"),
+        ("96.8W", "96.8", "lon"),
+        ("27.8N", "27.8W", "lat"),
+        ("96.8W", "-96.8", "lon"),
+        ("96.8W", "96.8N", "lon"),
+        ("27.8N", "", "lat"),
+    ],
+)
+def test_hurdat2_places_need_their_hemisphere(old: str, new: str, key: str, tmp_path: Path) -> None:
+    path = written(tmp_path, HURDAT2.replace(old, new).replace("HU, 28.0N", "HU, 28.0"))
+    with pytest.raises(CaseError) as caught:
+        read_track(path, storm="HARVEY")
+    found = caught.value.problems
+    assert [(p.table, p.key) for p in found] == [("row 3", key), ("row 4", "lat")]
+    assert found[0].value == (new or "nothing")
+    assert found[0].allowed.startswith("degrees and ")
+
+
+@pytest.mark.parametrize(
     ("file", "options", "peak", "deepest", "points"),
     [
         ("rammasun_2014_cma.csv", {"format": "cma"}, 72.0, 888.0, 40),
