@@ -62,7 +62,8 @@ def _storms(text: str) -> list[tuple[list[str], list[Row]]]:
 
 
 def _header(parts: list[str]) -> list[str]:
-    """Exactly nine parts: the name may be missing, or be more than one word."""
+    """Exactly nine parts: the name may be missing, or be more than one word, or all of it cut."""
+    parts = parts + [""] * (8 - len(parts))
     if len(parts) == 8:
         return [*parts[:7], "(nameless)", parts[7]]
     return [*parts[:7], " ".join(parts[7:-1]) or "(nameless)", parts[-1]]

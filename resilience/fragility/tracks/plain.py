@@ -55,7 +55,8 @@ def data_rows(text: str) -> tuple[list[list[str]], list[int]]:
         for k, line in enumerate(text.splitlines(), 1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
-    return list(csv.reader(line for line, _ in lines)), [k for _, k in lines]
+    # Line by line: a stray quotation mark must not swallow the rows below it.
+    return [row for line, _ in lines for row in csv.reader([line])], [k for _, k in lines]
 
 
 def chosen(names: list[str], storm: str | None, file: str) -> str:

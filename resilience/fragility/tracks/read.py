@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -42,11 +43,12 @@ def read_track(
 
     Raises:
         CaseError: the file has mistakes; all of them are listed, with their rows.
-        UsageError: no such file, format, storm, agency, basin or option.
+        UsageError: no such file, or none that can be read; no such format, storm, agency, basin
+            or option.
     """
     path = Path(path)
     _check(path, format, options)
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    text = _text(path)
     looks = _look(text)
     kind = looks if format is None else format
     if kind != looks and not (looks == "csv" and kind in OWN):
@@ -65,9 +67,42 @@ def read_track(
     for key in ("penv_hpa", "rmw", "basin"):
         if options.get(key) is not None:
             setattr(about, key, options[key])
-    if looks == "ibtracs":
-        return ibtracs.parse(text, about, storm, agency)
-    return PARSERS[looks](text, about, storm)
+    try:
+        if looks == "ibtracs":
+            return ibtracs.parse(text, about, storm, agency)
+        return PARSERS[looks](text, about, storm)
+    except csv.Error as error:
+        raise UsageError(
+            f"{path.name} cannot be read as CSV: {error}; allowed: rows of text, commas between",
+            hint="is it another file?",
+        ) from None
+
+
+def _text(path: Path) -> str:
+    """What a file says.
+
+    Raises:
+        UsageError: it cannot be read, is no text, or is empty.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise UsageError(
+            f"track file {path} cannot be read: {error.strerror or error}; allowed: a text file",
+            hint="look at its rights",
+        ) from None
+    if b"\0" in raw:
+        raise UsageError(
+            f"track file {path} is no text; allowed: text in UTF-8",
+            hint="unpack or export it as CSV; IBTrACS comes as CSV, too",
+        )
+    text = raw.decode("utf-8-sig", errors="replace")
+    if not _first(text):
+        raise UsageError(
+            f"track file {path} has no rows; allowed: a heading, and a row per point",
+            hint="lines that begin with # are comments",
+        )
+    return text
 
 
 def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
@@ -83,16 +118,22 @@ def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
             hint="leave it out: files are told apart by their look",
         )
     if not path.is_file():
-        raise UsageError(f"track file {path} does not exist", hint="give the path of a file")
+        what = "is no file" if path.exists() else "does not exist"
+        raise UsageError(f"track file {path} {what}", hint="give the path of a file")
 
 
 def _look(text: str) -> str:
-    """The format of a file, from its first line that is no comment."""
-    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    first = next(lines, "")
+    """The format of a file, from its first line."""
+    first = _first(text)
     if re.match(r"\s*[A-Z]{2}\d{6}\s*,", first):
         return "hurdat2"
     if re.match(r"66666\s", first):
         return "cma"
     headings = {part.strip().upper() for part in first.split(",")}
     return "ibtracs" if {"SID", "ISO_TIME"} <= headings else "csv"
+
+
+def _first(text: str) -> str:
+    """The first line that is no comment, or nothing."""
+    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    return next(lines, "")

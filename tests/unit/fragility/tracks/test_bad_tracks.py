@@ -118,6 +118,54 @@ def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
     }
 
 
+def test_a_file_without_rows_or_without_text_is_one_clear_error(tmp_path: Path) -> None:
+    path = tmp_path / "track.csv"
+    for content, found in (
+        (b"", "has no rows"),
+        (b"\xef\xbb\xbf\n# only a comment\n\n", "has no rows"),
+        (b"\x89HDF\r\n\x1a\n\x00\x00\x00", "is no text"),
+        ("time,lat,lon\n".encode("utf-16"), "is no text"),
+        (b'time,lat,lon\n"' + b"1" * 200_000, "cannot be read as CSV"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(UsageError, match=f"{found}.*; allowed: ") as caught:
+            read_track(path)
+        assert "track.csv" in caught.value.message
+        assert caught.value.hint
+    with pytest.raises(UsageError, match="is no file"):
+        read_track(tmp_path)
+
+
+def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    path = tmp_path / "track.csv"
+    path.write_text(BAD, encoding="utf-8")
+    monkeypatch.setattr(Path, "read_bytes", refused)
+    with pytest.raises(UsageError, match="cannot be read: Permission denied"):
+        read_track(path)
+
+
+def test_a_heading_alone_and_a_header_cut_short(tmp_path: Path) -> None:
+    path = tmp_path / "t.txt"
+    path.write_text("time,lat,lon,vmax_mps\n", "utf-8")
+    with pytest.raises(CaseError, match="found:   0"):
+        read_track(path, averaging_s=60)
+    path.write_text("66666 1409\n2014071800 6 191 1123 900 65\n", "utf-8")
+    with pytest.raises(CaseError, match="a number, as its header says"):
+        read_track(path)
+
+
+def test_a_stray_quotation_mark_spoils_one_row(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = '2020-09-01T00:00,20,115,"40\n2020-09-01T06:00,20.5,115,4O\n'
+    path.write_text("time,lat,lon,vmax_mps\n" + rows, "utf-8")
+    with pytest.raises(CaseError) as caught:
+        read_track(path, averaging_s=60)
+    assert [(p.table, p.key) for p in caught.value.problems] == [("row 3", "vmax_mps")]
+
+
 @pytest.mark.parametrize(
     "heading",
     ["vmax_knots", "wind_kt", "Wind (kt)", "WINDSPEED", "max_wind_ms", "pressure_pa", "PC_mb",
