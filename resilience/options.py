@@ -73,12 +73,14 @@ Methods = Annotated[
 ]
 Days = Annotated[
     int | None,
-    Option(help="Days of an episode, the last of the profiles; 16, of a [storm] its own horizon."),
+    Option(
+        help="Days of an episode, the last of the profiles; 16; with a storm, the case's horizon."
+    ),
 ]
 Track = Annotated[
     Path | None,
     Option(
-        help="Storm track, IBTrACS, HURDAT2, CMA or plain CSV; the case's [storm] if omitted.",
+        help="Storm track, IBTrACS, HURDAT2, CMA or plain CSV; the storm of the case if omitted.",
         metavar="FILE",
     ),
 ]

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.case.storm_tables import StormTable
 from resilience.fragility.likely import buses_text
+from resilience.fragility.wind import MODELS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from resilience.fragility.feeder_hazard import Hazard
 
 SHOWN, MOST_LINES, MOMENTS = 8, 40, 8
+FAR_FROM_SUN_H = 3.0
 LIKELY = 0.01  # a state of the whole feeder that is rarer than this tells nobody anything
 
 
@@ -36,6 +39,9 @@ def _head(found: Hazard) -> list[str]:
     lines.append(f"source   {track.source}")
     lines += [f"filled   {field}: {note}" for field, note in track.filled.items()]
     lines.append(_closest(found))
+    table = case.storm or StormTable()
+    used = MODELS[table.wind].uses
+    lines.append(f"field    {table.wind}, from the {used} of the track")
     blown = here.winds[0]
     members = f", mean of {len(here.members)} tracks" if len(here.members) > 1 else ""
     lines.append(
@@ -45,6 +51,11 @@ def _head(found: Hazard) -> list[str]:
     expected = float(here.failed_by[:, -1].sum())
     cables = [line.name for line in case.line if line.underground]
     safe = f"; {len(cables)} underground" if cables else ""
+    lines.append(
+        f"poles    curve {table.pole}, {table.hardening:g} times as strong, "
+        f"correlation {table.correlation:g}"
+    )
+    lines.append(f"repair   {here.repair}")
     lines.append(f"lines    {expected:.1f} of {len(here.lines.names)} expected to fail{safe}")
     return lines
 
@@ -55,10 +66,18 @@ def _closest(found: Hazard) -> str:
     away, when = found.closest
     case = found.storm.case
     clock = case.window.text(when.replace(second=0))
-    if case.storm is not None and case.storm.shift:
-        own = when - case.storm.shift
-        return f"closest  {away:.0f} km at {clock}, {own:%Y-%m-%d %H:%M} local time of the storm"
-    return f"closest  {away:.0f} km at {clock}"
+    table = case.storm or StormTable()
+    own = f", {when - table.shift:%Y-%m-%d %H:%M}" if table.shift else ""
+    return f"closest  {away:.0f} km at {clock}{own} local time, {_zone(found, table)}"
+
+
+def _zone(found: Hazard, table: StormTable) -> str:
+    """How far local time is ahead of UTC, and how far the sun says."""
+    text = f"UTC{table.utc_offset_h:+g}"
+    sun = round(found.storm.geography.middle[1] / 15.0)
+    if abs((table.utc_offset_h - sun + 12.0) % 24.0 - 12.0) <= FAR_FROM_SUN_H:
+        return text
+    return f"{text} though the sun says UTC{sun:+d}: utc_offset_h in [[storm]]"
 
 
 def _table(*heads: str) -> Table:
@@ -94,7 +113,7 @@ def _print_course(found: Hazard, console: Console) -> None:
 
 
 def _print_lines(found: Hazard, console: Console) -> None:
-    table = _table("line", "km", "spans", "m/s", "fails", "most likely", "h down")
+    table = _table("line", "km", "spans", "m/s", "fails", "most likely", "h if it fails")
     rows = sorted(found.lines, key=lambda row: -row["failure_probability"])
     for row in rows[:MOST_LINES]:
         table.add_row(
@@ -104,9 +123,16 @@ def _print_lines(found: Hazard, console: Console) -> None:
             f"{row['strongest_wind_mps']:.1f}",
             f"{100 * row['failure_probability']:.1f} %",
             row["likeliest"] or "",
-            f"{row['hours_down']:.1f}",
+            "" if row["hours_if_down"] is None else f"{row['hours_if_down']:.1f}",
         )
     console.print(table)
+    left = float(found.scenarios.down[:, -1].sum(axis=0) @ found.scenarios.probability)
+    if left >= 0.05:
+        stop = found.storm.case.window.text(found.storm.case.window.stop)
+        console.print(
+            f"{left:.1f} lines are still down at the end, {stop}: their hours are cut off there",
+            highlight=False,
+        )
     if len(rows) > MOST_LINES:
         next_one = 100 * rows[MOST_LINES]["failure_probability"]
         console.print(
@@ -118,7 +144,10 @@ def _print_lines(found: Hazard, console: Console) -> None:
 def _print_loads(found: Hazard, console: Console) -> None:
     rows = sorted(found.loads, key=lambda row: (-row["critical"], -row["dark_mwh"]))
     rows = [row for row in rows if row["dark_chance"]]
-    console.print(f"loads without a source, of {found.scenarios.n} sampled storms", highlight=False)
+    console.print(
+        f"loads in islands without a grid-forming source, of {found.scenarios.n} sampled storms",
+        highlight=False,
+    )
     if not rows:
         console.print("  none", highlight=False)
         return

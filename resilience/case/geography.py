@@ -15,7 +15,7 @@ Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
 
 _TABLE = "[geography]"
-_LEAST_OHM_PER_KM = 0.01
+_LEAST_OHM_PER_KM, _LONG_KM = 0.01, 5.0
 """Cables have 0.07 or more, overhead lines 0.3; less by the network's impedance scale."""
 _GIVE = (
     "give lat_deg and lon_deg to every [[network.bus]], or set degrees or synthetic in [geography]"
@@ -66,31 +66,34 @@ def findings(
     if missing:
         what = "a place in the network file's drawing" if table.synthetic else "coordinates"
         found = f"{len(missing)} of {len(network.bus_names)} buses without {what}: "
-        yield "", found + _list(missing), f"{what} for every bus", _GIVE
+        yield "", found + _list(missing), f"{what} for every bus", _give(table, places)
     if not table.synthetic:
         far = [n for n in network.bus_names if n in known and not _degrees(*known[n])]
         if far:
             found = f"{len(far)} buses beyond 180 degrees of longitude or 90 of latitude: "
             hint = "a drawing is no map: set synthetic = true and an anchor"
             yield "degrees", found + _list(far), "degrees of longitude and latitude", hint
-        elif table.degrees and not missing:
+        elif not missing:
             yield from _stretched(network, places)
 
 
 def _stretched(network: Network, places: Mapping[str, tuple[float, float]]) -> Iterator[Finding]:
-    """A drawing that was taken for degrees gives lines without any reactance to speak of."""
+    """Long lines without reactance to speak of: a drawing, or a slip in a coordinate."""
     from pyproj import Geod
 
     lon, lat = np.array([places[name] for name in network.bus_names]).T
     i, j = network.from_bus, network.to_bus
-    lines = (network.vn_kv[i] == network.vn_kv[j]) & network.in_service
-    metres = Geod(ellps="WGS84").inv(lon[i], lat[i], lon[j], lat[j])[2]
-    km = float(np.asarray(metres)[lines].sum()) / 1000.0
-    ohm = float((np.abs(network.x_pu) * network.vn_kv[i] ** 2)[lines].sum())
-    if ohm < _LEAST_OHM_PER_KM * km:
-        found = f"true, and lines of {km:.0f} km in all with {ohm:.3g} ohm"
-        allowed = f"{_LEAST_OHM_PER_KM:g} ohm of reactance per km or more"
-        yield "degrees", found, allowed, "a drawing is no map: set synthetic = true and an anchor"
+    km = np.asarray(Geod(ellps="WGS84").inv(lon[i], lat[i], lon[j], lat[j])[2]) / 1000.0
+    ohm = np.abs(network.x_pu) * network.vn_kv[i] ** 2
+    odd = (network.vn_kv[i] == network.vn_kv[j]) & (km > _LONG_KM)
+    odd &= network.in_service & (ohm < _LEAST_OHM_PER_KM * km)
+    if odd.any():
+        lines = [f"{network.line_names[k]}, {km[k]:.0f} km" for k in np.flatnonzero(odd)]
+        count = "1 line" if len(lines) == 1 else f"{len(lines)} lines"
+        found = f"{count} too long for the reactance: {_list(lines, 5)}"
+        allowed = f"{_LEAST_OHM_PER_KM:g} ohm per km or more"
+        hint = "a slip in a coordinate, or a drawing: then set synthetic = true and an anchor"
+        yield "", found, allowed, hint
 
 
 def _anchor(table: GeographyTable, network: Network, grid_bus: str | None) -> Iterator[Finding]:
@@ -104,6 +107,15 @@ def _anchor(table: GeographyTable, network: Network, grid_bus: str | None) -> It
     elif table.anchor_bus and not network.has_bus(table.anchor_bus):
         hint = network.bus_hint(table.anchor_bus)
         yield "anchor_bus", show(table.anchor_bus), "a bus of the network", hint
+
+
+def _give(table: GeographyTable, places: Mapping[str, tuple[float, float]]) -> str:
+    if places and not table.synthetic and all(_degrees(*place) for place in places.values()):
+        return (
+            "if the network file's coordinates are degrees, set degrees = true in [geography]; "
+            "if they are a drawing, set synthetic = true"
+        )
+    return _GIVE
 
 
 def _grid_bus(parts: Parts) -> str | None:

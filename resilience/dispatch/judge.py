@@ -126,9 +126,8 @@ class Report:
     @property
     def setting(self) -> tuple[str, ...]:
         """The rules of the comparison, in words, for the head of a table."""
-        centre = "told at midnight" if self.world.known_centre else "unknown"
-        if self.scenarios.centre is None:
-            centre = "none"
+        told = "told at midnight" if self.world.known_centre else "unknown"
+        centre = () if self.scenarios.centre is None else (f"storm centre: {told}",)
         n, days = self.scenarios.n, self.days
         length = f"{n} episode{'s' * (n != 1)} of {days:g} day{'s' * (days != 1)}"
         return (
@@ -136,7 +135,7 @@ class Report:
             self.physics,
             f"energy left worth {self.end_value_per_mwh:g} $/MWh",
             f"forecast errors: {self.forecast_error}",
-            f"storm centre: {centre}",
+            *centre,
         )
 
     @property

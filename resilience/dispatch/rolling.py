@@ -14,9 +14,11 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.case import Case
 from resilience.dispatch.aggregate import Aggregate, profiles_of
 from resilience.dispatch.base import Forecast
 from resilience.dispatch.reserve import Reserve
+from resilience.errors import UsageError
 from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
@@ -98,6 +100,19 @@ class Window:
     reserve: tuple[Floats, Floats] | None = None
 
 
+def check_storage(case: Case) -> None:
+    """Checks that there is something to decide ahead of time.
+
+    Raises:
+        UsageError: the case has no storage.
+    """
+    if not case.ess:
+        raise UsageError(
+            f"case {case.name!r} has no storage; allowed: a case with [[ess]]",
+            hint="without storage there is nothing to look ahead for; `solve` plans it",
+        )
+
+
 class Program:
     """`paths` chains behind a common first slot.
 
@@ -118,6 +133,7 @@ class Program:
         risk: Risk = MEAN,
     ) -> None:
         self.small, self.steps, self.paths = small, steps, paths
+        check_storage(small.grid.case)
         dt = small.grid.case.step_h
         stages = [small.grid.stage(dt), small.grid.stage(dt * steps.block_slots)]
         if reserve is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
-from resilience.dispatch.rolling import MEAN, Program, Steps, Window
+from resilience.dispatch.rolling import MEAN, Program, Steps, Window, check_storage
 from resilience.dispatch.value import stored_energy_value
 from resilience.fragility.belief import Belief, case_belief
 from resilience.fragility.bell import Bell
@@ -41,6 +41,7 @@ class Stochastic:
         risk: Risk = MEAN,
         seed: int = 0,
     ) -> None:
+        check_storage(world.grid.case)
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
         self.world, self.paths, self.risk, self.seed = world, paths, risk, seed
         self.steps = steps or Steps()

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from resilience.case.storm_tables import StormTable
 from resilience.errors import CaseError, Problem, UsageError, together
+from resilience.fragility.coverage import check_ends, check_overlap
 from resilience.fragility.curves import Curve
 from resilience.fragility.damage import Timing, failed_by, hazard
 from resilience.fragility.geography import Geography, geography
@@ -26,7 +27,7 @@ from resilience.fragility.lines import Lines, SpanWind, calm, span_speed
 from resilience.fragility.repair import Repair
 from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
 from resilience.fragility.storms import Sampling, sample_storms
-from resilience.fragility.strength import cables, check_names, lines_of, storm_curve
+from resilience.fragility.strength import cables, check_names, lines_of, repair_of, storm_curve
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
 from resilience.fragility.wind import Wind, wind
 
@@ -116,11 +117,14 @@ def storm(
         UsageError: a track that lies outside the horizon.
     """
     table = case.storm or StormTable()
-    _, place, found = together(
+    _, repair, place, found = together(
         lambda: check_names(case),
+        lambda: repair_of(case),
         lambda: geography(case),
         lambda: case_track(case) if track is None else track() if callable(track) else track,
     )
+    times = slot_times(case)
+    check_overlap(case, found, place, times)
     members = _members(found, table, case)
     names, span_line, of = _spans(case, place, every_line)
     bearing = place.span_bearing_deg[of] if table.by_angle else None
@@ -128,13 +132,10 @@ def storm(
     at = place.span_lat_deg[of], place.span_lon_deg[of]
     curve = storm_curve(case)
     winds = tuple(_wind(one, case, at, curve, table, bearing) for one in members)
-    repair = Repair(
-        law=table.repair.law,
-        hours=table.repair.hours,
-        crews=table.repair.crews,
-        wind_limit_mps=table.repair.wind_limit_mps,
-        priority={k: v for k, v in table.repair.priority.items() if k in names},
-    )
+    if len(members) == 1:
+        check_ends(case, found, times, winds[0].speed_mps)
+    chosen = {name: rank for name, rank in repair.priority.items() if name in names}
+    repair = replace(repair, priority=chosen)
     timing = Timing(table.mode, case.step_h)
     return Storm(case, place, found, members, lines, winds, timing, repair)
 
@@ -238,19 +239,7 @@ def slot_times(case: Case) -> NDArray[np.datetime64]:
 
 
 def _members(track: Track, table: StormTable, case: Case) -> tuple[Track, ...]:
-    """The tracks that are equally likely.
-
-    Raises:
-        UsageError: the track has no time in common with the horizon.
-    """
-    times = slot_times(case)
-    if track.time[-1] < times[0] or track.time[0] > times[-1]:
-        raise UsageError(
-            f"track {track.name!r}, {track.time[0]} to {track.time[-1]} UTC, misses the horizon, "
-            f"{times[0]} to {times[-1]} UTC of the storm; allowed: times in common",
-            hint="in [storm], `day` and `laid_on` lay a storm's day on the horizon's, and "
-            "utc_offset_h says how far local time is ahead of UTC",
-        )
+    """The tracks that are equally likely."""
     errors = table.forecast
     if errors.members == 1:
         return (track,)

@@ -70,11 +70,13 @@ class Hazard:
 
     @cached_property
     def lines(self) -> list[dict[str, Any]]:
-        """A row per line; probabilities are exact."""
+        """A row per line; probabilities are exact, hours are of the sampled storms."""
         here, case = self.storm, self.storm.case
         wind, failed = here.strongest_mps, here.failed_by[:, -1]
         spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
-        mean_down = self.scenarios.down.sum(axis=1) @ self.scenarios.probability * case.step_h
+        down, weight = self.scenarios.down, self.scenarios.probability
+        mean_down = down.sum(axis=1) @ weight * case.step_h
+        ever = down.any(axis=1) @ weight
         rows = []
         for k, name in enumerate(here.lines.names):
             begins = np.diff(here.failed_by[k], prepend=0.0)
@@ -87,6 +89,7 @@ class Hazard:
                     "failure_probability": float(failed[k]),
                     "likeliest": case.slot_label(int(begins.argmax())) if failed[k] else None,
                     "hours_down": float(mean_down[k]),
+                    "hours_if_down": float(mean_down[k] / ever[k]) if ever[k] else None,
                 }
             )
         return rows

@@ -26,6 +26,9 @@ LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
     "exponential": (("mean",), lambda u, mean: -mean * np.log1p(-u)),
 }
 
+MOST_SIGMA = 3.0
+"""Of a lognormal: one repair in six would take twenty times the median or more."""
+
 
 @dataclass(frozen=True)
 class Repair:
@@ -70,9 +73,27 @@ class Repair:
             ),
             (self.wind_limit_mps > 0.0, f"wind limit {self.wind_limit_mps}; allowed: above 0 m/s"),
         ]
+        if self.law == "lognormal" and len(self.hours) == 2:
+            sigma = self.hours[1]
+            rules.append((sigma <= MOST_SIGMA, f"sigma {sigma:g}; allowed: up to {MOST_SIGMA:g}"))
         wrong = [text for good, text in rules if not good]
         if wrong:
-            raise UsageError("repair: " + "; ".join(wrong), hint="hours are hours of work")
+            raise UsageError(
+                "repair: " + "; ".join(wrong),
+                hint="hours of work; from 6 to 30 of them are uniform, a median of 6 with most "
+                "between 4 and 10 is lognormal with sigma 0.5",
+            )
+
+    def __str__(self) -> str:
+        crews = "any number of crews" if self.crews is None else f"{self.crews} crews"
+        crews = "1 crew" if self.crews == 1 else crews
+        hours = ", ".join(
+            f"{name} {value:g}" for name, value in zip(LAWS[self.law][0], self.hours, strict=True)
+        )
+        first = ", ".join(sorted(self.priority, key=lambda name: -self.priority[name]))
+        order = f", {first} first" if first else ""
+        limit = f"none above {self.wind_limit_mps:g} m/s"
+        return f"{crews}, {self.law} hours ({hours}), {limit}{order}"
 
     def work_slots(self, u: Floats, step_h: float) -> Ints:
         """(...) slots of work, 1 or more, of uniform random numbers (...)."""

@@ -14,6 +14,7 @@ from resilience.case.tables import show
 from resilience.errors import CaseError, Problem, UsageError
 from resilience.fragility.curves import CURVES, Curve, measure
 from resilience.fragility.lines import Lines, poles_in_series
+from resilience.fragility.repair import Repair
 from resilience.fragility.scenarios import Bools, Floats, Ints
 from resilience.fragility.tracks.fill import RADII
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, ROUGHNESS
@@ -67,6 +68,25 @@ def lines_of(
         conductor=curves[table.conductor] if table.conductor else None,
         hardened_by=factors, correlation=table.correlation, bearing_deg=bearing_deg,
     )  # fmt: skip
+
+
+def repair_of(case: Case) -> Repair:
+    """How the lines of a case are mended.
+
+    Raises:
+        CaseError: hours that its law cannot have.
+    """
+    table = (case.storm or StormTable()).repair
+    try:
+        return Repair(
+            law=table.law, hours=table.hours, crews=table.crews,
+            wind_limit_mps=table.wind_limit_mps, priority=table.priority,
+        )  # fmt: skip
+    except UsageError as error:
+        file, found = case.path.name if case.path else case.name, error.message
+        allowed = "hours of work that the law can have"
+        problem = Problem(file, "[storm.repair]", "hours", found, allowed, error.hint)
+        raise CaseError([problem]) from error
 
 
 def storm_curve(case: Case) -> Curve:

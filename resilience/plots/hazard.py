@@ -136,7 +136,8 @@ def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:
     network, place = here.case.network, here.geography
     east, north = place.bus_km
     chance = dict(zip(here.lines.names, here.failed_by[:, -1], strict=True))
-    scale, colours = Normalize(0.0, 1.0), mpl.colormaps[RISK]
+    top = np.ceil(4.0 * max(chance.values(), default=1.0)) / 4.0
+    scale, colours = Normalize(0.0, max(top, 0.25)), mpl.colormaps[RISK]
     for k, name in enumerate(network.line_names):
         i, j = network.from_bus[k], network.to_bus[k]
         known = name in chance
@@ -209,7 +210,7 @@ def _curves(axis: Axes, found: Hazard) -> None:
         )
     spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
     for k, dash in ((int(spans.argmin()), "--"), (int(spans.argmax()), ":")):
-        label = f"line {here.lines.names[k]}, {spans[k]} spans"
+        label = f"line {here.lines.names[k]}, {spans[k]} span" + "s" * (spans[k] != 1)
         axis.plot(CURVE_MPS, _line_curve(found, k), color="black", lw=1.2, ls=dash, label=label)
     top = float(here.strongest_mps.max(initial=0.0))
     axis.axvline(top, color="#d62728", lw=1.0)

@@ -28,7 +28,7 @@ FAR_M, FAR_MPS = 300_000.0, 17.0
 
 @dataclass(frozen=True)
 class Model:
-    """A wind field, the asymmetry it is meant for, and where it comes from.
+    """A wind field, the asymmetry it is meant for, where it comes from, what it takes of a track.
 
     `field(r_m, eye, share)` takes distances (points, times), the storm and the asymmetry's share,
     and gives the tangential wind (points, times).
@@ -37,6 +37,7 @@ class Model:
     field: Callable[[Floats, Eye, Share], Floats]
     asymmetry: str
     source: str
+    uses: str
 
 
 def holland1980(r_m: Floats, eye: Eye, share: Share) -> Floats:
@@ -93,12 +94,18 @@ def emanuel2011(r_m: Floats, eye: Eye, share: Share) -> Floats:
 
 
 MODELS: dict[str, Model] = {
-    "holland1980": Model(holland1980, "climada", "Holland 1980, Mon. Wea. Rev. 108, 1212"),
-    "holland2008": Model(holland2008, "climada", "Holland 2008, Mon. Wea. Rev. 136, 3432"),
-    "holland2010": Model(holland2010, "climada", "Holland et al. 2010, Mon. Wea. Rev. 138, 4393"),
-    "emanuel2011": Model(emanuel2011, "climada", "Emanuel and Rotunno 2011, JAS 68, 2236"),
+    "holland1980": Model(
+        holland1980, "climada", "Holland 1980, Mon. Wea. Rev. 108, 1212", "wind and pressure"
+    ),
+    "holland2008": Model(
+        holland2008, "climada", "Holland 2008, Mon. Wea. Rev. 136, 3432", "pressure"
+    ),
+    "holland2010": Model(
+        holland2010, "climada", "Holland et al. 2010, Mon. Wea. Rev. 138, 4393", "pressure"
+    ),
+    "emanuel2011": Model(emanuel2011, "climada", "Emanuel and Rotunno 2011, JAS 68, 2236", "wind"),
     "willoughby2006": Model(
-        willoughby2006, "phadke2003", "Willoughby et al. 2006, Mon. Wea. Rev. 134, 1102"
+        willoughby2006, "phadke2003", "Willoughby et al. 2006, Mon. Wea. Rev. 134, 1102", "wind"
     ),
 }
 

@@ -179,7 +179,7 @@ def test_a_drawing_is_no_map() -> None:
     (found,) = findings(asked, case.network, places, inline=False, grid_bus="1")
     assert found[0] == "degrees"
     assert "33 buses beyond 180 degrees" in found[1]
-    with pytest.raises(CaseError, match="ohm of reactance per km"):
+    with pytest.raises(CaseError, match="too long for the reactance"):
         case.replace(geography=asked)
 
 

@@ -12,6 +12,7 @@ from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
+from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.stochastic import Stochastic
 from resilience.fragility.bell import Bell
@@ -50,6 +51,14 @@ def worn() -> Case:
         ess=[{**store, "degradation_cost_per_mwh": 4.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
     )
+
+
+@pytest.mark.parametrize("method", ["mpc-blind", "mpc", "stochastic"])
+def test_without_a_storage_there_is_nothing_to_look_ahead_for(method: str) -> None:
+    case = feeder().replace(ess=())
+    drawn = sample_bell(case, Bell(), 1, 0)
+    with pytest.raises(rs.UsageError, match="has no storage; allowed: a case with"):
+        DISPATCHERS[method](World.of(microgrid(case, "copperplate"), drawn))
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,8 @@ def test_conductors_are_hardened_with_their_lines(koinu: Case) -> None:
     twice = storm(changed(koinu, correlation=0.0, conductor="pole"))
     once = storm(changed(koinu, correlation=0.0))
     stands = 1.0 - once.failed_by[:, -1]
-    np.testing.assert_allclose(1.0 - twice.failed_by[:, -1], stands**2, rtol=1e-9)
+    poles = np.array([name != "1-2" for name in once.lines.names])  # a substation has none
+    np.testing.assert_allclose(1.0 - twice.failed_by[poles, -1], stands[poles] ** 2, rtol=1e-9)
     assert (one.failed_by[:, -1] < twice.failed_by[:, -1]).all()
 
 
@@ -156,7 +157,9 @@ def test_the_line_with_priority_is_mended_first(koinu: Case) -> None:
 
 def test_stronger_poles_fail_less(koinu: Case, over: Storm) -> None:
     strong = storm(changed(koinu, hardening=2.0))
-    assert (strong.failed_by[:, -1] < over.failed_by[:, -1]).all()
+    poles = np.array([name != "1-2" for name in over.lines.names])
+    assert (strong.failed_by[poles, -1] < over.failed_by[poles, -1]).all()
+    np.testing.assert_array_equal(strong.failed_by[~poles], over.failed_by[~poles])
 
 
 def test_a_forecast_spreads_the_risk(koinu: Case) -> None:
@@ -197,14 +200,14 @@ def test_the_storm_of_a_case_is_dated_and_its_source_is_named(name: str) -> None
     assert set(track.filled) == {"penv_hpa", "rmw_km"}
     found = storm(case)
     assert found.geography.synthetic
-    assert 5.0 < found.failed_by[:, -1].sum() < 20.0
+    assert 3.0 < found.failed_by[:, -1].sum() < 6.0
     assert len(found.lines.names) == 32
 
 
 def test_the_outages_of_a_case_are_a_draw_of_its_storm() -> None:
     for name in CASES:
         case = rs.load_case(name)
-        assert case.outages == outages_from("storm", case, 8)
+        assert case.outages == outages_from("storm", case, 9)
 
 
 def test_islands_of_a_storm_known_by_hand() -> None:

@@ -93,7 +93,7 @@ def two_buses(**bus: float) -> Case:
                 {"name": "a", "vn_kv": 10.0, "lat_deg": 0.0, "lon_deg": 179.9},
                 {"name": "b", "vn_kv": 10.0, **bus},
             ],
-            "line": [{"from": "a", "to": "b", "r_ohm": 1.0, "x_ohm": 1.0}],
+            "line": [{"from": "a", "to": "b", "r_ohm": 1.0, "x_ohm": 40.0}],
         },
         "grid": [{"bus": "a", "import_max_mw": 1.0, "import_cost_per_mwh": 1.0}],
         "load": [{"name": "l", "bus": "b", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0}],

@@ -1,0 +1,74 @@
+"""A track that ends while it blows, or lies on other days, is told apart from a calm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import date, timedelta
+
+import numpy as np
+import pytest
+
+import resilience as rs
+from resilience.case import Case
+from resilience.case.geography import findings
+from resilience.case.storm_tables import GeographyTable
+from resilience.errors import CaseError, UsageError
+from resilience.fragility.chain import case_track, storm
+from resilience.fragility.tracks import Track
+
+
+@pytest.fixture(scope="module")
+def koinu() -> Case:
+    return rs.load_case("ieee33_koinu")
+
+
+def cut(track: Track, keep: slice) -> Track:
+    names = ("time", "lat", "lon", "vmax_mps", "pressure_hpa", "rmw_km", "penv_hpa")
+    return replace(track, **{name: getattr(track, name)[keep] for name in names})
+
+
+def test_a_track_that_ends_in_the_storm_is_no_calm(koinu: Case) -> None:
+    whole = case_track(koinu)
+    near = int(np.argmin(np.hypot(whole.lat - 22.0, whole.lon - 120.74)))
+    with pytest.raises(UsageError, match=r"ends at d2 .* while it blows \d+ m/s at the feeder"):
+        storm(koinu, cut(whole, slice(0, near + 1)))
+    with pytest.raises(UsageError, match=r"begins at d2 .* while it blows"):
+        storm(koinu, cut(whole, slice(near, None)))
+    gone = cut(whole, slice(0, len(whole.time) - 3))
+    assert gone.time[-1] < np.datetime64("2023-10-06T04:00")
+    np.testing.assert_allclose(
+        storm(koinu, gone).failed_by[:, -1], storm(koinu).failed_by[:, -1], atol=1e-3
+    )
+
+
+def test_the_day_on_which_a_storm_is_nearest_is_named(koinu: Case) -> None:
+    track = case_track(koinu)
+    later = replace(track, time=track.time + np.timedelta64(30, "D"))
+    nearest = date(2023, 10, 5) + timedelta(days=30)
+    with pytest.raises(UsageError, match="misses the horizon") as caught:
+        storm(koinu, later)
+    assert f"day = {nearest}" in caught.value.hint
+    assert "laid_on" in caught.value.hint
+
+
+def test_hours_that_the_law_of_repair_cannot_have_are_listed_with_the_rest(koinu: Case) -> None:
+    assert koinu.storm is not None
+    table = koinu.storm.repair.model_copy(update={"law": "lognormal", "hours": (6.0, 30.0)})
+    bad = koinu.storm.model_copy(update={"repair": table, "pole": "polle"})
+    with pytest.raises(CaseError) as caught:
+        storm(koinu.replace(storm=bad))
+    found = {(one.table, one.key): one for one in caught.value.problems}
+    assert found.keys() == {("[storm]", "pole"), ("[storm.repair]", "hours")}
+    assert "uniform" in found["[storm.repair]", "hours"].hint
+
+
+def test_a_slip_in_one_coordinate_is_found(koinu: Case) -> None:
+    case = rs.load_case("ieee33")
+    earth = storm(koinu).geography
+    places = zip(earth.bus_lon_deg.tolist(), earth.bus_lat_deg.tolist(), strict=True)
+    right = dict(zip(case.network.bus_names, places, strict=True))
+    asked = GeographyTable(degrees=True)
+    assert not list(findings(asked, case.network, right, inline=False, grid_bus="1"))
+    wrong = right | {"25": (right["25"][0] - 100.0, right["25"][1])}
+    (found,) = findings(asked, case.network, wrong, inline=False, grid_bus="1")
+    assert "1 line too long for the reactance: 24-25" in found[1]
