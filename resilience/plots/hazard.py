@@ -210,7 +210,7 @@ def _curves(axis: Axes, found: Hazard) -> None:
         )
     spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
     for k, dash in ((int(spans.argmin()), "--"), (int(spans.argmax()), ":")):
-        label = f"line {here.lines.names[k]}, {spans[k]} span" + "s" * (spans[k] != 1)
+        label = f"line {here.lines.names[k]}, {spans[k]} span" + "s" * int(spans[k] != 1)
         axis.plot(CURVE_MPS, _line_curve(found, k), color="black", lw=1.2, ls=dash, label=label)
     top = float(here.strongest_mps.max(initial=0.0))
     axis.axvline(top, color="#d62728", lw=1.0)
