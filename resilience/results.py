@@ -181,7 +181,7 @@ def load_plan(folder: str | Path) -> Plan:
     if not (root / "summary.json").is_file():
         raise UsageError(
             f"{root} holds no result: there is no summary.json in it",
-            hint="name the folder that `solve --out` wrote",
+            hint="name the folder that `solve --out` wrote; a hazard is drawn by `hazard --plot`",
         )
     summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
     if summary.keys() != {f.name for f in fields(Plan)} - {"tables", "case"}:

@@ -26,7 +26,7 @@ from scipy.special import ndtr, ndtri
 from resilience.errors import UsageError
 from resilience.fragility.clock import Clock
 from resilience.fragility.damage import RUNNING_MAX, Timing
-from resilience.fragility.lines import Lines, WindAtSpans, scores, span_speed
+from resilience.fragility.lines import Lines, WindAtSpans, calm, scores, span_speed
 from resilience.fragility.repair import Repair, repaired
 from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
 
@@ -210,19 +210,13 @@ class _Storms:
             u = self.draws.at(1, line, scenario, times)
             return repair.work_slots(u, self.timing.step_h)
 
-        calm = np.array([self._calm(wind, repair.wind_limit_mps) for wind in self.winds])
+        works = np.array([calm(self.lines, wind, repair.wind_limit_mps) for wind in self.winds])
         return repaired(
             first,
             length,
-            lambda t: calm[self.member, :, t].T if len(calm) > 1 else calm[0][:, t, None],
+            lambda t: works[self.member, :, t].T if len(works) > 1 else works[0][:, t, None],
             self.slots,
             crews=repair.crews,
             order=repair.order(self.lines.names),
             again=self.fails if refail else None,
         ).down
-
-    def _calm(self, wind: WindAtSpans, limit: float) -> Bools:
-        """(lines, slots) True where no span of a line is in a wind above the limit."""
-        windy = np.zeros((len(self.lines.names), self.slots), bool)
-        np.logical_or.at(windy, self.lines.span_line, wind.speed_mps > limit)
-        return ~windy

@@ -180,9 +180,13 @@ def test_breakpoints_only_are_four_lines(koinu: Case) -> None:
     assert few.lines == ("1-2", "2-19", "3-23", "6-26")
 
 
-def test_nothing_is_mended_in_the_wind(over: Storm) -> None:
-    """No outage ends in a slot whose wind at the line is above the limit, nor right after one."""
+@pytest.mark.parametrize("by_angle", [False, True])
+def test_nothing_is_mended_in_the_wind(koinu: Case, by_angle: bool) -> None:
+    """No outage ends in a slot whose wind at the line is above the limit, nor right after one,
+    whatever direction the wind has that breaks it."""
+    over = storm(replace(changed(koinu, by_angle=by_angle), step_min=60.0, slots=48))
     drawn = over.scenarios(200, 5)
+    assert drawn.down.any()
     calm = over.calm(over.winds[0])
     for _, line, _, stop in drawn.events():
         if stop < drawn.slots:
