@@ -30,6 +30,9 @@ BELL = frozenset(
 )
 """Options that are settings of the bell under the same name."""
 
+OF_A_DRAW = frozenset(["days", "track", "storm", "averaging_s", "shift"])
+"""Options that `draw` has under the same name."""
+
 
 def scenarios(
     context: typer.Context,
@@ -73,19 +76,8 @@ def scenarios(
     if out is not None:
         check_suffix(out)
     found = load_case(case)
-    bell = {key: value for key, value in context.params.items() if key in BELL}
-    drawn = draw(
-        found,
-        n,
-        seed,
-        days=days,
-        track=track,
-        storm=storm,
-        averaging_s=averaging_s,
-        shift=shift,
-        centres=tuple(centre) if centre else None,
-        **bell,
-    )
+    asked = {key: value for key, value in context.params.items() if key in BELL | OF_A_DRAW}
+    drawn = draw(found, n, seed, centres=tuple(centre) if centre else None, **asked)
     if reduce is not None:
         drawn = reduced(drawn, reduce, load_mw=load_behind_mw(found, drawn.lines))
     if out is not None:
