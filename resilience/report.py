@@ -61,8 +61,12 @@ def _assumed(plan: Plan) -> Text:
     return text.append("and knows it in advance: a real operator would not", "yellow")
 
 
-def _grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
+def grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:
+    """A table of text and numbers; it has no head where all heads are empty."""
+    table = Table(
+        title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold",
+        show_header=any(heads),
+    )  # fmt: skip
     for k, head in enumerate(heads):
         table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k == 0)
     for row in rows:
@@ -86,8 +90,8 @@ def _money_and_energy(plan: Plan, width: int) -> RenderableType:
         "discharge": "discharged",
     }
     energy = [(names[key], f"{abs(plan.energy_mwh[key]):.3f}") for key in names]
-    left = _grid("Cost", costs, "term", "$")
-    right = _grid("Energy", energy, "", "MWh")
+    left = grid("Cost", costs, "term", "$")
+    right = grid("Energy", energy, "", "MWh")
     if width < 60:
         return Group(left, right)
     both = Table.grid(padding=(0, 4))
@@ -104,7 +108,7 @@ def _shed(plan: Plan) -> RenderableType:
     for load, reasons in sorted(plan.shed_by_load.items(), key=lambda x: -sum(x[1].values())):
         for reason, mwh in sorted(reasons.items(), key=lambda x: -x[1]):
             rows.append((load, f"{mwh:.3f}", REASONS[reason]))
-    table = _grid(f"Shed: {plan.shed_mwh:.3f} MWh", rows, "load", "MWh", "because")
+    table = grid(f"Shed: {plan.shed_mwh:.3f} MWh", rows, "load", "MWh", "because")
     table.columns[2].justify = "left"
     return table
 
@@ -155,7 +159,7 @@ def print_case(case: Case, console: Console) -> None:
         _fleet("ess", case.ess, "p_max_mw"),
         _fleet("load", case.load, "p_max_mw"),
     ]
-    table = _grid("", rows, "devices", "number", "MW", "at buses")
+    table = grid("", rows, "devices", "number", "MW", "at buses")
     table.columns[3].justify = "left"
     console.print(table)
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from rich import box
 from rich.console import Console, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from resilience.dispatch.scenario_plan import ScenarioPlan
 from resilience.models.algebra import Floats
-from resilience.report import GOOD, percent
+from resilience.report import GOOD, grid, percent
 
 ROWS = 12  # of the common schedule: more would not be read
 
@@ -35,15 +33,6 @@ def _verdict(plan: ScenarioPlan) -> Text:
         text.append(f", {plan.different} of them different")
     text.append(f"\nproven bound {plan.bound:.4f} $ ({plan.bound_of}), gap {percent(plan.gap)}")
     return text
-
-
-def _grid(title: str, rows: Iterable[tuple[str, ...]], heads: Iterable[str]) -> Table:
-    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold")
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k == 0)
-    for row in rows:
-        table.add_row(*row)
-    return table
 
 
 def _schedule(plan: ScenarioPlan) -> RenderableType:
@@ -77,7 +66,7 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
     heads = ["from", "storage MW", "generators MW", "grid MW", "stored MWh", "% here"]
     hours = n * plan.step_min / 60.0
     title = f"Common schedule, {hours:g} h: what to do until an outage shows"
-    return _grid(title, rows, heads)
+    return grid(title, rows, *heads)
 
 
 def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
@@ -95,7 +84,7 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
     if plan.value_of_stochastic_solution is not None:
         more = f"{plan.value_of_stochastic_solution:.4f} $"
         rows.append(("value of the stochastic solution", more))
-    return _grid("Over scenarios", rows, ["", ""])
+    return grid("Over scenarios", rows, "", "")
 
 
 def _certificate(plan: ScenarioPlan) -> Text:
