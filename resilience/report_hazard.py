@@ -43,7 +43,11 @@ def _head(found: Hazard) -> list[str]:
     used = MODELS[table.wind].uses
     lines.append(f"field    {table.wind}, from the {used} of the track")
     blown = here.winds[0]
-    members = f", mean of {len(here.members)} tracks" if len(here.members) > 1 else ""
+    tops = [float(one.speed_mps.max(initial=0.0)) for one in here.winds]
+    members = ""
+    if len(tops) > 1:
+        members = f", mean of {len(tops)} tracks; the strongest {max(tops):.1f}, the weakest "
+        members += f"{min(tops):.1f}"
     lines.append(
         f"wind     up to {here.strongest_mps.max(initial=0.0):.1f} m/s, {blown.averaging_s:g} s "
         f"mean at {blown.height_m:g} m over {blown.exposure}{members}"
