@@ -126,13 +126,17 @@ def tables(schema: dict[str, Any], table: dict[str, Any], at: str) -> Iterator[t
         inner = reference(value)
         if inner:
             name = f"{at.strip('[]`')}.{key}".lstrip(".")
+            if "additionalProperties" in value:
+                name += ".<name>"
             heading = f"`[[{name}]]`" if "items" in value else f"`[{name}]`"
             yield from tables(schema, schema["$defs"][inner], heading)
 
 
 def reference(value: dict[str, Any]) -> str:
     """Return the name of the table that a property holds, or "" where it holds a plain value."""
-    target = value.get("$ref") or value.get("items", {}).get("$ref", "")
+    inner = (value.get(key, {}) for key in ("items", "additionalProperties"))
+    held = [value, *value.get("anyOf", []), *(one for one in inner if isinstance(one, dict))]
+    target = next((one["$ref"] for one in held if "$ref" in one), "")
     return str(target).rpartition("/")[2]
 
 

@@ -4,10 +4,13 @@ import os
 import re
 import subprocess
 import sys
+from html import escape
 from pathlib import Path
 
 import pytest
 from pages import ROOT, Step, blocks, run, shortened
+
+from resilience.case.schema import case_schema
 
 DOCS = ROOT / "docs"
 WRITTEN = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
@@ -18,6 +21,7 @@ PAGES = (
     "concepts/model",
     "concepts/exactness",
     "concepts/methods",
+    "concepts/wind",
     "concepts/scenarios",
     "concepts/fragility",
     "concepts/dispatchers",
@@ -84,3 +88,8 @@ def test_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     home = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'<(?:script|link)[^>]+(?:src|href)="https?:', home)
+    reference = (tmp_path / "site" / "reference" / "case" / "index.html").read_text("utf-8")
+    for table in case_schema()["$defs"].values():
+        name = re.match(r"`(\[.*?\]+)`", table.get("description", ""))
+        if name is not None and table["properties"] and "<kind>" not in name[1]:
+            assert f">{escape(name[1])}<" in reference, name[1]
