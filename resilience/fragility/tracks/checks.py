@@ -76,7 +76,7 @@ def _averaging(file: str, averaging_s: float | None) -> Iterator[Problem]:
             "missing" if averaging_s is None else f"{averaging_s:g}",
             f"the averaging time of the wind, s: {', '.join(f'{key:g}' for key in NAMELESS)}",
             "60 for NHC and JTWC, 120 for CMA, 600 for JMA and most others; "
-            "as a column or an argument `averaging_s`",
+            "as a column, or by --averaging-s, `averaging_s` in Python",
         )
 
 
