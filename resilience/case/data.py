@@ -72,6 +72,11 @@ class Case:
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
+    def file_name(self) -> str:
+        """Name of its file, as messages have it; its own name where it came from none."""
+        return self.path.name if self.path else self.name
+
+    @property
     def step_h(self) -> float:
         """Length of a slot, h."""
         return self.step_min / 60.0

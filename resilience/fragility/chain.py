@@ -132,8 +132,7 @@ def storm(
     at = place.span_lat_deg[of], place.span_lon_deg[of]
     curve = storm_curve(case)
     winds = tuple(_wind(one, case, at, curve, table, bearing) for one in members)
-    if len(members) == 1:
-        check_ends(case, found, times, winds[0].speed_mps)
+    check_ends(case, found, times, np.mean([one.speed_mps for one in winds], axis=0))
     chosen = {name: rank for name, rank in repair.priority.items() if name in names}
     repair = replace(repair, priority=chosen)
     timing = Timing(table.mode, case.step_h)
@@ -163,7 +162,7 @@ def case_track(case: Case) -> Track:
     """
     table = case.storm
     if table is None or not table.points:
-        file, allowed = case.path.name if case.path else case.name, "points, or a track file"
+        file, allowed = case.file_name, "points, or a track file"
         hint = "--track FILE reads IBTrACS, HURDAT2, CMA and plain CSV files"
         raise CaseError([Problem(file, "[storm]", "points", "nothing", allowed, hint)])
     offset = timedelta(hours=table.utc_offset_h)

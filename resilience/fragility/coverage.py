@@ -54,7 +54,7 @@ def check_ends(case: Case, track: Track, times: Times, speed_mps: Floats) -> Non
         case: the case.
         track: the storm.
         times: (moments,) UTC of the horizon.
-        speed_mps: (spans, slots) wind as the poles' curve wants it.
+        speed_mps: (spans, slots) wind as the poles' curve wants it, the mean of members.
 
     Raises:
         UsageError: a storm gale that the track cuts off within the horizon.

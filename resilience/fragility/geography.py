@@ -106,7 +106,7 @@ def geography(case: Case) -> Geography:
 def _check(case: Case, table: GeographyTable) -> None:
     inline = bool(case.source.get("network", {}).get("bus"))
     found = findings(table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case))
-    file = case.path.name if case.path else case.name
+    file = case.file_name
     problems = [Problem(file, "[geography]", key, *rest) for key, *rest in found]
     if problems:
         raise CaseError(problems)

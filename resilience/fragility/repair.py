@@ -9,7 +9,7 @@ still.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -113,9 +113,14 @@ class Repair:
                 f"repair: priority of line {', '.join(unknown)}; allowed: {', '.join(lines)}",
                 hint="a line is named by its ends, like 6-26",
             )
-        given = [-self.priority.get(name, 0.0) for name in lines]
-        found: Ints = np.unique(given, return_inverse=True)[1].ravel()
-        return found
+        return ranks(self.priority, lines)
+
+
+def ranks(priority: Mapping[str, float], lines: Sequence[str]) -> Ints:
+    """(lines,) rank of each line by its priority, 0 where not given; equal ones alike, 0 first."""
+    given = [-priority.get(name, 0.0) for name in lines]
+    found: Ints = np.unique(given, return_inverse=True)[1].ravel()
+    return found
 
 
 Lengths = Callable[[Ints, Ints, Ints], Ints]

@@ -28,7 +28,7 @@ from scipy.special import ndtri
 from resilience.fragility.conditional import Known, strata
 from resilience.fragility.damage import accumulated
 from resilience.fragility.lines import factor_nodes, scores, span_speed
-from resilience.fragility.repair import Begun, Repair, crew_since, repaired
+from resilience.fragility.repair import Begun, Repair, crew_since, ranks, repaired
 from resilience.fragility.scenarios import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -96,8 +96,7 @@ class StormBelief:
         calm[at] = np.mean([storm.calm(wind)[of] for wind in storm.winds], axis=0) >= 0.5
         every = np.tile(weight, len(storm.winds))
         joined, step_h = fallen.reshape(-1, *shape[2:]), storm.timing.step_h
-        given = [-storm.repair.priority.get(name, 0.0) for name in names]
-        order = np.unique(given, return_inverse=True)[1].ravel()
+        order = ranks(storm.repair.priority, names)
         return cls(joined, every / every.sum(), calm, storm.repair, step_h, seed, order)
 
     @property

@@ -31,7 +31,7 @@ def check_names(case: Case) -> None:
     Raises:
         CaseError: names that nothing has, or curves with mistakes; all of them are listed.
     """
-    file = case.path.name if case.path else case.name
+    file = case.file_name
     problems = [Problem(file, *found) for found in _findings(case)]
     if problems:
         raise CaseError(problems)
@@ -83,7 +83,7 @@ def repair_of(case: Case) -> Repair:
             wind_limit_mps=table.wind_limit_mps, priority=table.priority,
         )  # fmt: skip
     except UsageError as error:
-        file, found = case.path.name if case.path else case.name, error.message
+        file, found = case.file_name, error.message
         allowed = "hours of work that the law can have"
         problem = Problem(file, "[storm.repair]", "hours", found, allowed, error.hint)
         raise CaseError([problem]) from error

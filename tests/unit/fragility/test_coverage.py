@@ -34,6 +34,11 @@ def test_a_track_that_ends_in_the_storm_is_no_calm(koinu: Case) -> None:
         storm(koinu, cut(whole, slice(0, near + 1)))
     with pytest.raises(UsageError, match=r"begins at d2 .* while it blows"):
         storm(koinu, cut(whole, slice(near, None)))
+    assert koinu.storm is not None
+    errors = koinu.storm.forecast.model_copy(update={"members": 3, "cross_km_per_day": 5.0})
+    forecast = koinu.replace(storm=koinu.storm.model_copy(update={"forecast": errors}))
+    with pytest.raises(UsageError, match="ends at d2"):
+        storm(forecast, cut(whole, slice(0, near + 1)))
     gone = cut(whole, slice(0, len(whole.time) - 3))
     assert gone.time[-1] < np.datetime64("2023-10-06T04:00")
     np.testing.assert_allclose(
