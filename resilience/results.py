@@ -58,8 +58,7 @@ class Table:
 
     def __getitem__(self, label: str) -> Floats:
         """(slots,) the values of one label."""
-        found: Floats = self.values[self.labels.index(label)]
-        return found
+        return self.values[self.labels.index(label)]
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,7 @@ def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: flo
     lon = np.interp(middle, x, np.unwrap([p[2] for p in storm.points], period=360.0))
     share = np.minimum(_distance_km(lat, lon, lat_deg, lon_deg) / storm.cloud.radius_km, 1.0)
     left = storm.cloud.factor + (1.0 - storm.cloud.factor) * share
-    found: FloatArray = np.where((middle >= x[0]) & (middle <= x[-1]), left, 1.0)
-    return found
+    return np.where((middle >= x[0]) & (middle <= x[-1]), left, 1.0)
 
 
 def _middle(parts: Parts) -> tuple[float, float]:
@@ -84,5 +83,4 @@ def _distance_km(lat: FloatArray, lon: FloatArray, to_lat: float, to_lon: float)
     """Return great-circle distances, (n,), by the haversine formula."""
     one, two = np.radians(lat), math.radians(to_lat)
     across = np.cos(one) * math.cos(two) * np.sin(np.radians(lon - to_lon) / 2.0) ** 2
-    found: FloatArray = 2.0 * EARTH_KM * np.arcsin(np.sqrt(np.sin((one - two) / 2.0) ** 2 + across))
-    return found
+    return 2.0 * EARTH_KM * np.arcsin(np.sqrt(np.sin((one - two) / 2.0) ** 2 + across))

@@ -78,5 +78,4 @@ def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> FloatA
     cost = paid[at] + prices[at] * (edges - changes[at])
     last = np.searchsorted(changes, edges[1:], side="left") - 1
     mean = np.diff(cost) / window.step_min
-    found: FloatArray = np.where(at[:-1] == last, prices[at[:-1]], mean)
-    return found
+    return np.where(at[:-1] == last, prices[at[:-1]], mean)

@@ -42,8 +42,7 @@ class Aggregate:
             if name not in self.mixed:
                 return of(name)
             members, share = self.mixed[name]
-            values: Floats = share @ np.array([of(member) for member in members])
-            return values
+            return share @ np.array([of(member) for member in members])
 
         return found
 

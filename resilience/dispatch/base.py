@@ -158,8 +158,7 @@ class World:
         """(slots,) number of the day of every slot; days begin at midnight."""
         case = self.grid.case
         first = round((case.start.hour + case.start.minute / 60.0) / case.step_h)
-        found: Ints = (first + np.arange(case.slots)) // self.per_day
-        return found
+        return (first + np.arange(case.slots)) // self.per_day
 
     @cached_property
     def ends(self) -> Ints:
@@ -202,8 +201,7 @@ class World:
         centre, day = self.scenarios.centre, int(self.day[t])
         if centre is None or day >= len(centre) or not self.known_centre:
             return np.full(self.scenarios.n, -1)
-        found: Ints = centre[day]
-        return found
+        return centre[day]
 
     def start(self) -> Floats:
         """(units, scenarios) MWh stored at the start."""

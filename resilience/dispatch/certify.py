@@ -80,8 +80,7 @@ class TrajectoryCertificate:
     def outside(self) -> Bools:
         """Members in which a voltage, a rating or a forming unit's range is exceeded."""
         names = ("v_excess_pu", "overload_mva", "root_excess_mw")
-        found: Bools = np.any([self.values(name) > TOLERANCE for name in names], axis=0)
-        return found
+        return np.any([self.values(name) > TOLERANCE for name in names], axis=0)
 
     @property
     def lowest_pu(self) -> float:

@@ -120,5 +120,4 @@ class Replay:
 
     def act(self, seen: Observation) -> Floats:
         """(units, batch) the decisions of slot t."""
-        found: Floats = self.charging[:, seen.t]
-        return found
+        return self.charging[:, seen.t]

@@ -244,8 +244,7 @@ class Report:
         }
         if self.certificates is not None:
             found["certificates"] = {k: asdict(v.worst()) for k, v in self.certificates.items()}
-        cleaned: dict[str, Any] = _clean(found)
-        return cleaned
+        return _clean(found)
 
     def save(self, folder: str | Path) -> Path:
         """Writes the report, all or nothing; see `dispatch.saving` for the files.

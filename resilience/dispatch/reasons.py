@@ -114,8 +114,7 @@ def _asks_reactive(problem: Problem) -> Bools:
     """(loads, slots) whether a load asks for reactive power that the physics carries."""
     factors = np.array([t.power_factor for t in problem.case.load])
     asks = (factors < 1.0) & problem.standard.has("line.q")
-    found: Bools = asks[:, None] & (problem.data["load.demand"] > NEAR)
-    return found
+    return asks[:, None] & (problem.data["load.demand"] > NEAR)
 
 
 def _reactive_room(problem: Problem, z: Floats) -> tuple[Ints, Bools]:
@@ -138,8 +137,7 @@ def _at_disc(problem: Problem, z: Floats, name: str, shape: tuple[int, ...]) -> 
     for structure in problem.standard.structures:
         if structure.name == name:
             length = np.sqrt(sum(x**2 for x in structure.values(z)))
-            found: Bools = (length >= 0.96 * structure.limits[0]).reshape(shape[::-1]).T
-            return found
+            return (length >= 0.96 * structure.limits[0]).reshape(shape[::-1]).T
     return np.zeros(shape, bool)
 
 
@@ -166,5 +164,4 @@ def _at_rating(problem: Problem, z: Floats) -> Bools:
         flow = flow + z[standard.columns("line.q")] ** 2
     rating = network.rating_mva[:, None]
     near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
-    found: Bools = near & as_switched(problem, z).line_up
-    return found
+    return near & as_switched(problem, z).line_up

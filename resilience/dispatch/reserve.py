@@ -94,8 +94,7 @@ class Reserve:
     def cut_off(self, chance: Floats) -> Floats:
         """(buses, slots) probability of being cut off in a slot, from that of (lines, slots)."""
         stays = np.log1p(-np.minimum(chance, 1.0 - 1e-12))
-        found: Floats = -np.expm1(self.cut_off_by @ stays)
-        return found
+        return -np.expm1(self.cut_off_by @ stays)
 
     def lack(self, forecast: Forecast, start: int, slots: int) -> Floats:
         """(buses with storage, slots) MW that loads want beyond PV and generators.
@@ -105,8 +104,7 @@ class Reserve:
         at = np.minimum(start + np.arange(slots), self.grid.case.slots - 1)
         names, peak, generators = self._net_demand
         values = np.array([forecast(name, at) for name in names]).reshape(len(names), slots)
-        found: Floats = peak @ values - generators[:, None]
-        return found
+        return peak @ values - generators[:, None]
 
     @cached_property
     def _net_demand(self) -> tuple[tuple[str | None, ...], Floats, Floats]:
@@ -142,5 +140,4 @@ class Reserve:
         power = np.clip(lack, 0.0, give[:, None])
         total = np.concatenate([0.0 * power[:, :1], np.cumsum(power, axis=1)], axis=1)
         energy = dt * (total[:, longest:] - total[:, :-longest]) / loss[:, None]
-        found: Floats = np.minimum(floor[:, None] + energy, full[:, None])
-        return found
+        return np.minimum(floor[:, None] + energy, full[:, None])

@@ -57,8 +57,7 @@ class Steps:
     @cached_property
     def starts(self) -> Ints:
         """(steps,) first slot of every step."""
-        found: Ints = np.cumsum(self.width) - self.width
-        return found
+        return np.cumsum(self.width) - self.width
 
     def tree(self, paths: int) -> Tree:
         """A first slot common to all, then `paths` chains, equally likely until told otherwise."""
@@ -217,5 +216,4 @@ class Program:
             self.solver.price(data, self._worth(asked.value))
         self.solver.update(self.vectors(asked, data))
         z = self.solver.solve().point
-        found: Floats = z[self._first[0]] - z[self._first[1]]
-        return found
+        return z[self._first[0]] - z[self._first[1]]

@@ -53,8 +53,7 @@ class Greedy:
         give, take = self._at_units(-low, seen, True), self._at_units(high, seen, True)
         share_out = np.minimum(np.maximum(need, 0.0) / np.maximum(give, 1e-12), 1.0)
         share_in = np.minimum(np.maximum(-need, 0.0) / np.maximum(take, 1e-12), 1.0)
-        found: Floats = low * share_out + high * share_in
-        return found
+        return low * share_out + high * share_in
 
     def _at_units(self, values: Floats, seen: Observation, of_units: bool = False) -> Floats:
         """(units, batch) the sum over the unit's island of values per bus, or per unit."""
@@ -62,8 +61,7 @@ class Greedy:
         total = np.zeros(seen.island.shape)
         rows = seen.island[bus] if of_units else seen.island
         np.add.at(total, (rows, np.broadcast_to(batch, rows.shape)), values)
-        found: Floats = total[seen.island[bus], batch]
-        return found
+        return total[seen.island[bus], batch]
 
 
 class Rule:

@@ -99,8 +99,7 @@ def wait_and_see(program: StormProgram) -> Floats:
     x0 = np.concatenate([np.empty(0), *(two.x0[name] for name in two.first.initial)])
     with phase("clairvoyant bound"):
         second = Recourse(two, workers=os.cpu_count() or 1).at(np.tile(x0, (len(two.chains), 1)))
-    found: Floats = np.minimum(second.alpha + second.beta @ x0, second.cost)
-    return found
+    return np.minimum(second.alpha + second.beta @ x0, second.cost)
 
 
 def costs_of(two: TwoStage, states: Floats) -> Floats | None:

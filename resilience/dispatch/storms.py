@@ -69,8 +69,7 @@ class Storms:
     def leaving(self) -> Ints:
         """(storms,) first slot in which each differs from `common`; past the end: none."""
         apart = (self.line_up != self.common[:, :, None]).any(axis=0)
-        found: Ints = np.where(apart.any(axis=0), apart.argmax(axis=0), len(apart))
-        return found
+        return np.where(apart.any(axis=0), apart.argmax(axis=0), len(apart))
 
 
 @dataclass(frozen=True)

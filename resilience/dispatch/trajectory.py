@@ -88,19 +88,16 @@ class Trajectory:
     @property
     def shed_mwh(self) -> Floats:
         """(scenarios,) energy not served."""
-        found: Floats = self.flow("load.shed").sum((0, 1)) * self.step_h
-        return found
+        return self.flow("load.shed").sum((0, 1)) * self.step_h
 
     @property
     def credited_mwh(self) -> Floats:
         """(scenarios,) energy left whose worth is credited."""
-        found: Floats = self.energy[:, -1].sum(0) if self.left_mwh is None else self.left_mwh
-        return found
+        return self.energy[:, -1].sum(0) if self.left_mwh is None else self.left_mwh
 
     def objective(self, value_per_mwh: float) -> Floats:
         """(scenarios,) $: cost less what the energy left is worth."""
-        found: Floats = self.cost.sum(0) - value_per_mwh * self.credited_mwh
-        return found
+        return self.cost.sum(0) - value_per_mwh * self.credited_mwh
 
     def frame(self, units: Sequence[str]) -> pd.DataFrame:
         """A row per episode and slot: $, MWh stored at its start, and MW of every device.

@@ -32,8 +32,7 @@ def energy_price(case: Case) -> Floats:
     """(slots,) $ per MWh of the cheapest source that is always there: a grid, else a generator."""
     if case.grid:
         rows = [factor * case.profile(name) for factor, name in (g.import_price for g in case.grid)]
-        found: Floats = np.min(rows, axis=0)
-        return found
+        return np.min(rows, axis=0)
     cheapest = min((unit.marginal_cost_per_mwh for unit in case.generator), default=0.0)
     return np.full(case.slots, cheapest)
 

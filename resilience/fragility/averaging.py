@@ -67,11 +67,9 @@ def relation(averaging_s: float, agency: str = "") -> Agency:
 
 def to_one_minute(v_mps: Floats, agency: Agency) -> Floats:
     """Winds of an agency, m/s, as means over one minute; no wind stays none."""
-    found: Floats = np.maximum(v_mps - agency.offset_kt * KNOT_MPS, 0.0) / agency.factor
-    return found
+    return np.maximum(v_mps - agency.offset_kt * KNOT_MPS, 0.0) / agency.factor
 
 
 def from_one_minute(v_mps: Floats, agency: Agency) -> Floats:
     """One-minute winds, m/s, as an agency would report them."""
-    found: Floats = np.where(v_mps > 0, agency.factor * v_mps + agency.offset_kt * KNOT_MPS, 0.0)
-    return found
+    return np.where(v_mps > 0, agency.factor * v_mps + agency.offset_kt * KNOT_MPS, 0.0)

@@ -133,8 +133,7 @@ class Bell:
             return self._height(away + ratio / 2)
         nodes, weights = np.polynomial.legendre.leggauss(4 + int(8 * ratio / self.sigma_slots))
         hazard = -np.log1p(-self._height(away[..., None] + ratio * (nodes + 1) / 2))
-        found: Floats = -np.expm1(-(hazard @ weights) * ratio / 2)
-        return found
+        return -np.expm1(-(hazard @ weights) * ratio / 2)
 
     def day_probability(
         self,
@@ -144,8 +143,7 @@ class Bell:
     ) -> Floats:
         """(...) probability of an outage on a day; the arguments are those of a slot."""
         survival = np.log1p(-self.slot_probability(centre, step_min, slots))
-        found: Floats = np.asarray(-np.expm1(survival.sum(axis=-1)))
-        return found
+        return np.asarray(-np.expm1(survival.sum(axis=-1)))
 
     def centre_slots(self) -> Ints:
         """Slots of 15 minutes in which the hazard may peak."""
@@ -155,8 +153,7 @@ class Bell:
         if self.wrap:
             half = REFERENCE_SLOTS / 2
             away = (away + half) % REFERENCE_SLOTS - half
-        found: Floats = self.p_max * np.exp(-((away / self.sigma_slots) ** 2) / 2)
-        return found
+        return self.p_max * np.exp(-((away / self.sigma_slots) ** 2) / 2)
 
 
 def case_bell(case: Case, **changes: Any) -> Bell:

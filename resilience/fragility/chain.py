@@ -65,8 +65,7 @@ class Storm:
     def failed_by(self) -> Floats:
         """(lines, slots) probability that a line has failed by the end of a slot, none mended."""
         each = [failed_by(self.lines, one, self.timing) for one in self.winds]
-        found: Floats = np.mean(each, axis=0)
-        return found
+        return np.mean(each, axis=0)
 
     @cached_property
     def hazard(self) -> Floats:

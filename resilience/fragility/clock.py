@@ -80,15 +80,13 @@ class Clock:
     def _worst(self) -> Floats:
         """(lines, slots) highest score of any element of a line, from a slot on."""
         score = worst_score(self.lines, self.score)
-        found: Floats = np.maximum.accumulate(score[:, ::-1], axis=1)[:, ::-1]
-        return found
+        return np.maximum.accumulate(score[:, ::-1], axis=1)[:, ::-1]
 
     def _most(self, line: Ints, scenario: Ints, start: int) -> Floats:
         """(events,) hazard from a slot on, if all elements met the highest score of any."""
         rho, count = self.lines.correlation, self.lines.incidence.sum(axis=1)
         away = np.sqrt(rho) * self.z[scenario] - self._worst[line, start]
-        found: Floats = -count[line] * log_ndtr(away / np.sqrt(1.0 - rho))
-        return found
+        return -count[line] * log_ndtr(away / np.sqrt(1.0 - rho))
 
     @cached_property
     def _audible(self) -> Floats:
@@ -135,15 +133,13 @@ class Clock:
 
         def reached(slot: Ints) -> Bools:
             stand = log_ndtr((np.sqrt(rho) * z - peak[:, slot]) / np.sqrt(1.0 - rho))
-            found: Bools = -(count @ stand) >= e
-            return found
+            return -(count @ stand) >= e
 
         return start + first_true(reached, len(z), peak.shape[1])
 
     def _comonotone(self, line: Ints, scenario: Ints, start: int) -> Ints:
         reached = worst_score(self.lines, self.score)[line, start:] >= self.z[scenario, None]
-        found: Ints = np.where(reached.any(axis=1), start + reached.argmax(axis=1), self.slots)
-        return found
+        return np.where(reached.any(axis=1), start + reached.argmax(axis=1), self.slots)
 
 
 def first_true(test: Callable[[Ints], Bools], events: int, end: int) -> Ints:

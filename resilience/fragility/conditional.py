@@ -67,8 +67,7 @@ class DayDraw:
 
 def strata(n: int, rng: np.random.Generator) -> Floats:
     """(n,) uniform numbers, one in every n-th of the unit interval, in random order."""
-    found: Floats = (rng.permutation(n) + rng.random(n)) / n
-    return found
+    return (rng.permutation(n) + rng.random(n)) / n
 
 
 def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDraw]) -> Bools:
@@ -136,8 +135,7 @@ def _starts(bell: Bell, centre: int, shift_slots: int, per_day: int, first: int)
     chance[:, :first] = 0.0
     before = np.ones_like(chance)
     np.cumprod(1.0 - chance[:, :-1], axis=1, out=before[:, 1:])
-    found: Floats = (chance * before).mean(0)
-    return found
+    return (chance * before).mean(0)
 
 
 def days_reached(t: int, slots: int, per_day: int) -> int:
@@ -152,8 +150,7 @@ def expected_left(bell: Bell, elapsed: int, per_day: int) -> int:
 
 def _over(bell: Bell, known: Known) -> Bools:
     """(lines,) lines that cannot fail any more today."""
-    found: Bools = (known.since >= 0) | (known.spent & (not bell.refail))
-    return found
+    return (known.since >= 0) | (known.spent & (not bell.refail))
 
 
 def _centres(bell: Bell, known: int, u: Floats) -> Ints:
@@ -162,8 +159,7 @@ def _centres(bell: Bell, known: int, u: Floats) -> Ints:
 
 
 def _shift(bell: Bell, u: Floats) -> Ints:
-    found: Ints = (u * (2 * bell.shift_slots + 1)).astype(np.intp) - bell.shift_slots
-    return found
+    return (u * (2 * bell.shift_slots + 1)).astype(np.intp) - bell.shift_slots
 
 
 def _first(chance: Floats, u: Floats) -> tuple[Ints, Bools]:
@@ -177,8 +173,7 @@ def _lengths(bell: Bell, per_day: int, u: Floats) -> Ints:
     ratio = REFERENCE_MIN * per_day / (24 * 60)
     short, long = bell.duration_slots
     drawn = short + (u * (long - short + 1)).astype(int)
-    found: Ints = np.ceil(drawn * ratio - 1e-9).astype(np.intp)
-    return found
+    return np.ceil(drawn * ratio - 1e-9).astype(np.intp)
 
 
 def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
@@ -192,8 +187,7 @@ def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
 def _remaining(bell: Bell, elapsed: int, per_day: int, u: Floats) -> Ints:
     """(paths,) slots after the present one that an outage of that age still lasts."""
     left = _lengths_left(bell, elapsed, per_day)
-    found: Ints = left[(u * len(left)).astype(int)]
-    return found
+    return left[(u * len(left)).astype(int)]
 
 
 def _mark(down: Bools, first: Ints, length: Ints) -> None:

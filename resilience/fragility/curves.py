@@ -78,8 +78,7 @@ class Curve:
 
     def probability(self, speed_mps: ArrayLike) -> Floats:
         """(...) probability of failure at speeds (...) in m/s."""
-        found: Floats = ndtr(self.score(speed_mps))
-        return found
+        return ndtr(self.score(speed_mps))
 
     def score(self, speed_mps: ArrayLike) -> Floats:
         """(...) standard normal quantile of the probability of failure, infinite at 0 and 1."""
@@ -200,8 +199,7 @@ def _lognormal_score(parameters: Parameters, speed: Floats) -> Floats:
 
 
 def _lognormal_speed(parameters: Parameters, u: Floats) -> Floats:
-    found: Floats = parameters["median_mps"] * np.exp(parameters["beta"] * ndtri(u))
-    return found
+    return parameters["median_mps"] * np.exp(parameters["beta"] * ndtri(u))
 
 
 def _piecewise_mistakes(parameters: Parameters) -> list[str]:
@@ -220,15 +218,13 @@ def _piecewise_score(parameters: Parameters, speed: Floats) -> Floats:
         inner = _lognormal_score(parameters, speed)
     else:
         inner = ndtri(np.clip((speed - low) / (high - low), 0.0, 1.0))
-    found: Floats = np.where(speed < low, -np.inf, np.where(speed >= high, np.inf, inner))
-    return found
+    return np.where(speed < low, -np.inf, np.where(speed >= high, np.inf, inner))
 
 
 def _piecewise_speed(parameters: Parameters, u: Floats) -> Floats:
     low, high = parameters["v_crit_mps"], parameters["v_collapse_mps"]
     inner = _lognormal_speed(parameters, u) if "beta" in parameters else low + u * (high - low)
-    found: Floats = np.where(u <= 0.0, 0.0, np.clip(inner, low, high))
-    return found
+    return np.where(u <= 0.0, 0.0, np.clip(inner, low, high))
 
 
 def _tabulated_mistakes(parameters: Parameters) -> list[str]:
@@ -249,8 +245,7 @@ def _tabulated_mistakes(parameters: Parameters) -> list[str]:
 
 def _tabulated_score(parameters: Parameters, speed: Floats) -> Floats:
     chance = np.interp(speed, parameters["speed_mps"], parameters["probability"], left=0.0)
-    found: Floats = ndtri(chance)
-    return found
+    return ndtri(chance)
 
 
 def _tabulated_speed(parameters: Parameters, u: Floats) -> Floats:

@@ -113,8 +113,7 @@ def failed_by(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> 
     """
     score = scores(lines, span_speed(lines, wind))
     if lines.correlation == 1.0:
-        found: Floats = ndtr(np.maximum.accumulate(worst_score(lines, score), axis=1))
-        return found
+        return ndtr(np.maximum.accumulate(worst_score(lines, score), axis=1))
     z, weight = factor_nodes(lines.correlation)
     found = -np.expm1(-accumulated(lines, score, z, timing)) @ weight
     return found

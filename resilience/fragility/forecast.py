@@ -97,8 +97,7 @@ class ForecastError:
         """
         profiles, slots = forecast.shape
         error = self.errors(profiles, slots, n, rng, step_min)
-        found: Floats = np.maximum(forecast[:, :, None] * (1.0 + error), 0.0)
-        return found
+        return np.maximum(forecast[:, :, None] * (1.0 + error), 0.0)
 
 
 def forecast_names(case: Case) -> tuple[str, ...]:
@@ -141,8 +140,7 @@ class Outlook:
         if name not in self.names:
             return np.repeat(values[:, None], self.error.shape[2], axis=1)
         error = self.error[self.names.index(name), slots]
-        found: Floats = np.maximum(values[:, None] * (1.0 + error), 0.0)
-        return found
+        return np.maximum(values[:, None] * (1.0 + error), 0.0)
 
     def expected(self, name: str | None, values: Floats, slots: Ints, now: int) -> Floats:
         """(len(slots), scenarios) what is expected of them at slot `now`, the first of `slots`."""
@@ -150,8 +148,7 @@ class Outlook:
             return self.true(name, values, slots)
         fading = self.correlation ** np.maximum(slots - now, 0)
         error = fading[:, None] * self.error[self.names.index(name), now]
-        found: Floats = np.maximum(values[:, None] * (1.0 + error), 0.0)
-        return found
+        return np.maximum(values[:, None] * (1.0 + error), 0.0)
 
 
 def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlook:

@@ -144,8 +144,7 @@ class Lines:
     @cached_property
     def element_line(self) -> Ints:
         """(elements,) line of each group of like elements."""
-        found: Ints = self.span_line[self.element_span]
-        return found
+        return self.span_line[self.element_span]
 
     @cached_property
     def incidence(self) -> csr_array:
@@ -236,8 +235,7 @@ def span_speed(lines: Lines, wind: WindAtSpans) -> Floats:
     if lines.bearing_deg is None or wind.direction_deg is None:
         return speed
     across = np.sin(np.radians(wind.direction_deg - lines.bearing_deg[:, None]))
-    found: Floats = speed * np.abs(across)
-    return found
+    return speed * np.abs(across)
 
 
 def _direction_mistakes(direction_deg: Floats | None, shape: tuple[int, ...]) -> list[str]:
@@ -273,8 +271,7 @@ def factor_nodes(correlation: float) -> tuple[Floats, Floats]:
 def scores(lines: Lines, speed_mps: Floats) -> Floats:
     """(elements, ...) normal quantile of each element's probability at speeds (spans, ...)."""
     parts = [one.curve.score(speed_mps[one.count > 0]) for one in lines.series]
-    found: Floats = np.concatenate(parts)
-    return found
+    return np.concatenate(parts)
 
 
 def log_standing(lines: Lines, score: Floats, z: Floats) -> Floats:
@@ -286,8 +283,7 @@ def log_standing(lines: Lines, score: Floats, z: Floats) -> Floats:
     if rho == 1.0:
         return np.where(z > worst_score(lines, score)[:, None], 0.0, -np.inf)
     element = log_ndtr((np.sqrt(rho) * z - score[:, None]) / np.sqrt(1.0 - rho))
-    found: Floats = lines.incidence @ element
-    return found
+    return lines.incidence @ element
 
 
 def worst_score(lines: Lines, score: Floats) -> Floats:
@@ -305,8 +301,7 @@ def failure_probability(lines: Lines, wind: WindAtSpans) -> Floats:
     """
     score = scores(lines, span_speed(lines, wind).max(axis=1))
     if lines.correlation == 1.0:
-        found: Floats = ndtr(worst_score(lines, score))
-        return found
+        return ndtr(worst_score(lines, score))
     z, weight = factor_nodes(lines.correlation)
     found = -np.expm1(log_standing(lines, score, z)) @ weight
     return found

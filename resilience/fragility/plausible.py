@@ -35,8 +35,7 @@ LON_LOW, LON_HIGH = -180.0, 360.0
 def usual_wind_kt(lat: Floats, lon: Floats, pressure_hpa: Floats) -> Floats:
     """(n,) one-minute winds that go with central pressures, knots; not above 0 for weak lows."""
     east = (lon + 180.0) % 360.0 - 180.0
-    found: Floats = 1216.5223 - 0.04086 * lat - 0.04190 * east - 1.1797 * pressure_hpa
-    return found
+    return 1216.5223 - 0.04086 * lat - 0.04190 * east - 1.1797 * pressure_hpa
 
 
 @dataclass(frozen=True)

@@ -98,8 +98,7 @@ class Repair:
     def work_slots(self, u: Floats, step_h: float) -> Ints:
         """(...) slots of work, 1 or more, of uniform random numbers (...)."""
         hours = LAWS[self.law][1](u, *self.hours)
-        found: Ints = np.maximum(np.ceil(hours / step_h - 1e-9), 1.0).astype(np.intp)
-        return found
+        return np.maximum(np.ceil(hours / step_h - 1e-9), 1.0).astype(np.intp)
 
     def order(self, lines: tuple[str, ...]) -> Ints:
         """(lines,) rank of each line, equal priorities alike, 0 first.
@@ -119,8 +118,7 @@ class Repair:
 def ranks(priority: Mapping[str, float], lines: Sequence[str]) -> Ints:
     """(lines,) rank of each line by its priority, 0 where not given; equal ones alike, 0 first."""
     given = [-priority.get(name, 0.0) for name in lines]
-    found: Ints = np.unique(given, return_inverse=True)[1].ravel()
-    return found
+    return np.unique(given, return_inverse=True)[1].ravel()
 
 
 Lengths = Callable[[Ints, Ints, Ints], Ints]
@@ -238,8 +236,7 @@ def crew_since(down: Bools, calm: Bools, crews: int, order: Ints) -> Ints:
         waited = queue.waiting.copy()
         queue.serve(can[:, t, None], down[:, t, None])
         came[(waited & ~queue.waiting)[:, 0]] = t
-    found: Ints = np.where(down[:, -1] & ~queue.waiting[:, 0], came, -1)
-    return found
+    return np.where(down[:, -1] & ~queue.waiting[:, 0], came, -1)
 
 
 def _by_slot(first: Ints, slots: int) -> list[list[Ints]]:

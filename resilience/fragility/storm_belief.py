@@ -130,8 +130,7 @@ class StormBelief:
         if not np.isfinite(log).any():
             return self.weight
         found = self.weight * np.exp(log - log.max())
-        share: Floats = found / found.sum()
-        return share
+        return found / found.sum()
 
     def chances(self, known: Known, slots: int) -> Floats:
         """(lines, slots) probability that an outage begins in each slot after the present one."""
@@ -179,13 +178,11 @@ class StormBelief:
             return np.zeros(len(is_down), np.intp)
         down = self.paths(known, self.slots - known.t - 1, USUAL)
         run = np.logical_and.accumulate(down, axis=1).sum(axis=1).mean(axis=1)
-        found: Ints = np.where(is_down, np.ceil(run - 1e-9), 0).astype(np.intp)
-        return found
+        return np.where(is_down, np.ceil(run - 1e-9), 0).astype(np.intp)
 
     def _may(self, known: Known) -> Bools:
         """(lines,) lines that have not failed yet."""
-        found: Bools = (known.since < 0) & ~known.spent
-        return found
+        return (known.since < 0) & ~known.spent
 
     def _begun(self, known: Known, u: Floats, work: Ints) -> Begun | None:
         """Outages of the present: who waits, and the work left on each path.
@@ -224,8 +221,7 @@ def _seen(known: Known) -> Bools:
     if known.down is not None:
         return known.down
     slot = np.arange(known.t + 1)
-    found: Bools = (known.since[:, None] >= 0) & (slot >= known.since[:, None])
-    return found
+    return (known.since[:, None] >= 0) & (slot >= known.since[:, None])
 
 
 def _factor(correlation: float) -> tuple[Floats, Floats]:

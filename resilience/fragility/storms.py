@@ -122,8 +122,7 @@ def _chances(members: int, given: ArrayLike | None) -> Floats:
             "negative, not all 0",
             hint="leave them out where all members are equally likely",
         )
-    chances: Floats = found / found.sum()
-    return chances
+    return found / found.sum()
 
 
 class _Draws:

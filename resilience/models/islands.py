@@ -79,17 +79,13 @@ class Islands:
         graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
         found = connected_components(graph, directed=False)[1].reshape(patterns, buses)
         found = found - found.min(axis=1, keepdims=True, initial=n)
-        islands: Ints = found.T.astype(np.intp)
-        return islands
+        return found.T.astype(np.intp)
 
 
 def _keys(line_up: Bools) -> np.ndarray:
     """(nodes,) one number, or one string of bytes, per pattern."""
     lines = len(line_up)
     if lines <= 64:
-        found: np.ndarray = (np.uint64(1) << np.arange(lines, dtype=np.uint64)) @ line_up.astype(
-            np.uint64
-        )
-        return found
+        return (np.uint64(1) << np.arange(lines, dtype=np.uint64)) @ line_up.astype(np.uint64)
     packed = np.ascontiguousarray(np.packbits(line_up, axis=0).T)
     return packed.view(np.dtype((np.void, packed.shape[1]))).ravel()

@@ -219,5 +219,4 @@ def microgrid(case: Case, physics: Physics = "lindistflow") -> Microgrid:
 
 def _fallible(network: Network, hit: set[str]) -> Bools:
     """(lines,) lines that are breakpoints or that an outage of the case hits."""
-    found: Bools = network.breakpoint | np.isin(network.line_names, list(hit))
-    return found
+    return network.breakpoint | np.isin(network.line_names, list(hit))

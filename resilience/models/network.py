@@ -144,8 +144,7 @@ def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
     child = np.where(parent[network.to_bus] == network.from_bus, network.to_bus, network.from_bus)
     into = np.minimum(above[child, 0], below[child, 1])
     out = np.minimum(below[child, 0], above[child, 1])
-    found: Floats = np.maximum(into, out)
-    return found
+    return np.maximum(into, out)
 
 
 def _widest(supply: Floats, demand: Floats) -> float:

@@ -159,8 +159,7 @@ class _Members:
         """(members,) all numbers finite; power-grid-model takes NaN for `as before`."""
         finite = np.isfinite(self.p) & np.isfinite(self.q)
         held: Bools = np.isfinite(self.v) | ~self.root
-        good: Bools = ((finite & held) | ~self.live).all(axis=0)
-        return good
+        return ((finite & held) | ~self.live).all(axis=0)
 
     def groups(self) -> list[Ints]:
         """Indices of members to solve together: the common patterns alone, the rare ones at once.

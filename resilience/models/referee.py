@@ -106,8 +106,7 @@ def _split(s: Unrolled, args: list[Floats]) -> Floats:
 def _cone(s: Unrolled, args: list[Floats]) -> Floats:
     u, v, *xs = args
     square = sum((x**2 for x in xs), np.zeros(s.n))
-    found: Floats = np.abs(u * v - square) / (1.0 + square)
-    return found
+    return np.abs(u * v - square) / (1.0 + square)
 
 
 def _disc(s: Unrolled, args: list[Floats]) -> Floats:
@@ -116,15 +115,13 @@ def _disc(s: Unrolled, args: list[Floats]) -> Floats:
 
 
 def _largest(s: Unrolled, args: list[Floats]) -> Floats:
-    found: Floats = np.abs(args[0] - np.max(args[1:], axis=0))
-    return found
+    return np.abs(args[0] - np.max(args[1:], axis=0))
 
 
 def _adjacent(s: Unrolled, args: list[Floats]) -> Floats:
     weights = np.array(args)
     pairs = np.array([weights[k : k + 2].sum(0) for k in range(max(len(weights) - 1, 1))])
-    found: Floats = np.maximum(weights.sum(0) - pairs.max(0), 0.0)
-    return found
+    return np.maximum(weights.sum(0) - pairs.max(0), 0.0)
 
 
 _MEASURES = {

@@ -82,8 +82,7 @@ def variables(problem: Standard) -> Labels:
 
 def per_slot(problem: Standard, z: Floats) -> Floats:
     """(variables, slots) the values of a horizon's columns."""
-    found: Floats = z[problem.tables[0][:, problem.forms[0].n_now :]].T
-    return found
+    return z[problem.tables[0][:, problem.forms[0].n_now :]].T
 
 
 def redo(problem: Problem, decisions: Floats) -> Replayed:

@@ -302,5 +302,4 @@ def reach(beta: Floats, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
 
 def _spent(term: CostForm, z: Floats, d: Floats) -> Floats:
     prices = term.columns[:, None] + term.columns_data @ d
-    spent: Floats = (prices * z).sum(0) + term.offset + term.offset_data @ d
-    return spent
+    return (prices * z).sum(0) + term.offset + term.offset_data @ d

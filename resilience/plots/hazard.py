@@ -123,8 +123,7 @@ def _clock(axis: Axes, found: Hazard, lat: Floats, lon: Floats, shown: np.ndarra
 
 def _near(lon: Floats, middle: float) -> Floats:
     """Longitudes within half a turn of the middle of the map."""
-    found: Floats = (lon - middle + 180.0) % 360.0 - 180.0 + middle
-    return found
+    return (lon - middle + 180.0) % 360.0 - 180.0 + middle
 
 
 def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:

@@ -51,8 +51,7 @@ def daily_cost(compared: Compared, method: str) -> Floats:
     first = [span.start for span in day_spans(case)]
     spent = np.add.reduceat(run.cost, first, axis=0)
     stored = run.energy[:, [*first, case.slots]].sum(0)
-    found: Floats = spent - compared.end_value_per_mwh * np.diff(stored, axis=0)
-    return found
+    return spent - compared.end_value_per_mwh * np.diff(stored, axis=0)
 
 
 def has_bound(compared: Compared) -> bool:

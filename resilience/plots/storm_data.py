@@ -147,8 +147,7 @@ def deed(
     """
 
     def flow(kind: str) -> Floats:
-        found: Floats = run.flow(kind)[:, span, episode]
-        return found
+        return run.flow(kind)[:, span, episode]
 
     slots = span.stop - span.start
     storage = run.storage[:, span, episode]

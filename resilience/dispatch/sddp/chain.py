@@ -131,8 +131,7 @@ def _lengths(bell: Bell, per_day: int) -> Ints:
     """Slots that an outage may last, equally likely."""
     short, long = bell.duration_slots
     ratio = REFERENCE_MIN * per_day / DAY_MIN
-    found: Ints = np.ceil(np.arange(short, long + 1) * ratio - 1e-9).astype(np.intp)
-    return found
+    return np.ceil(np.arange(short, long + 1) * ratio - 1e-9).astype(np.intp)
 
 
 def _joint(bell: Bell, sets: Bools, fails: Floats, back: Floats) -> Floats:

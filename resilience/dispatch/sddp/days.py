@@ -96,8 +96,7 @@ def _filled(values: Floats) -> Floats:
     count, total = known.sum(axis=0), some.sum(axis=0)
     mean = total.sum(axis=1, keepdims=True) / np.maximum(count.sum(axis=1, keepdims=True), 1)
     by_slot = np.where(count > 0, total / np.maximum(count, 1), mean)
-    found: Floats = np.where(known, values, by_slot)
-    return found
+    return np.where(known, values, by_slot)
 
 
 @dataclass(frozen=True)
@@ -125,8 +124,7 @@ class Climate:
     def profile(self, name: str, t: int, outcome: int) -> Floats:
         """(levels,) per unit of a profile in slot t that one unit of every level adds."""
         k = self.names.index(name)
-        found: Floats = self.basis[:, k, t] * self.noise[outcome, k, t]
-        return found
+        return self.basis[:, k, t] * self.noise[outcome, k, t]
 
 
 def learnt(days: Days, outcomes: int) -> Climate:
@@ -167,5 +165,4 @@ def _fit(basis: Floats, size: Floats, values: Floats) -> Floats:
         return np.ones(len(basis))
     both = np.column_stack([design, (values * weight).ravel()])
     triangle = np.asarray(np.linalg.qr(both, mode="r"))
-    found: Floats = nnls(triangle[:, :-1], triangle[:, -1])[0]
-    return found
+    return nnls(triangle[:, :-1], triangle[:, -1])[0]

@@ -106,8 +106,7 @@ class Lookahead:
         solver.update(vectors)
         z = solver.solve().point
         charge, discharge = (problem.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge"))
-        found: Floats = z[charge] - z[discharge]
-        return found
+        return z[charge] - z[discharge]
 
     def _sampled(self, asked: Asked, steps: Steps) -> Futures:
         """Different paths, as many as a program is kept for: the last may stand there twice."""

@@ -50,8 +50,7 @@ class Cuts:
 
     def at(self, levels: Floats) -> Floats:
         """(cuts,) the constants of the cuts once the levels are known."""
-        found: Floats = self.alpha + self.gamma @ levels
-        return found
+        return self.alpha + self.gamma @ levels
 
     def value(self, state: Floats, levels: Floats) -> float:
         """The highest cut, $."""
@@ -59,8 +58,7 @@ class Cuts:
 
     def slope(self, state: Floats, levels: Floats) -> Floats:
         """(states,) $ per unit of each state, of the highest cut."""
-        found: Floats = self.beta[np.argmax(self.at(levels) + self.beta @ state)]
-        return found
+        return self.beta[np.argmax(self.at(levels) + self.beta @ state)]
 
     def __getitem__(self, index: Any) -> Cuts:
         """Some of the cuts: a slice, or an array of indices."""

@@ -74,8 +74,7 @@ class Sddp:
             sets = [self.cut_set(seen.t, int(centre)) for centre in seen.centre]
             each = [self.ahead.decide(*pair) for pair in zip(asked, sets, strict=True)]
             net = np.array(each).T
-        found: Floats = net[self.fleet.member] * self.fleet.share[:, None]
-        return found
+        return net[self.fleet.member] * self.fleet.share[:, None]
 
     def _by_cuts(self, seen: Observation, energy: Floats, levels: Sequence[Floats]) -> Floats:
         """(merged units, batch) the present slot of all scenarios, with the cuts of its mode."""
@@ -92,8 +91,7 @@ class Sddp:
         blocks = Blocks(parts, np.arange(n), Cuts.joined(cuts), of)
         z = np.array(blocks.decide(energy.T, np.empty((n, 0))))
         charge, discharge = (self.program.columns(f"ess.{way}") for way in ("charge", "discharge"))
-        net: Floats = (z[:, charge] - z[:, discharge]).T
-        return net
+        return (z[:, charge] - z[:, discharge]).T
 
     def _asked(self, seen: Observation, k: int, energy: Floats, levels: Floats) -> Asked:
         clock, down = self.memory.clock(seen.t), ~seen.line_up[self.lines, k]

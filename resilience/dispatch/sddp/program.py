@@ -68,8 +68,7 @@ class Program:
 
     def columns(self, name: str) -> Ints:
         """(labels,) columns of a variable; several labels share one where they are merged."""
-        found: Ints = self.group[self.problem.columns(name)[:, 0] - self._own[0]]
-        return found
+        return self.group[self.problem.columns(name)[:, 0] - self._own[0]]
 
     def numbers(self, outcomes: Outcomes, levels: int) -> Numbers:
         """Those of every outcome.

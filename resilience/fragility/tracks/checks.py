@@ -105,8 +105,7 @@ def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Proble
 
 def _outside(key: str, value: Floats) -> Bools:
     limit = LIMITS[key]
-    found: Bools = ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
-    return found
+    return ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
 
 
 def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:

@@ -33,27 +33,23 @@ HPA_PER_KNOT = -0.7357
 def rmw_ibtracs(pressure_hpa: Floats, **_: Floats) -> Floats:
     """(n,) km, piecewise linear in the central pressure (CLIMADA)."""
     at = (872.0, 940.0, 980.0, 1021.0)
-    found: Floats = NAUTICAL_MILE_KM * np.interp(pressure_hpa, at, (14.907, 15.727, 25.742, 56.857))
-    return found
+    return NAUTICAL_MILE_KM * np.interp(pressure_hpa, at, (14.907, 15.727, 25.742, 56.857))
 
 
 def rmw_vickery(dp_hpa: Floats, lat: Floats, **_: Floats) -> Floats:
     """(n,) km, Vickery and Wadhera 2008."""
-    found: Floats = np.exp(3.015 - 6.291e-5 * dp_hpa**2 + 0.0337 * np.abs(lat))
-    return found
+    return np.exp(3.015 - 6.291e-5 * dp_hpa**2 + 0.0337 * np.abs(lat))
 
 
 def rmw_powell(dp_hpa: Floats, lat: Floats, **_: Floats) -> Floats:
     """(n,) km, Powell 2005 as in Arthur 2021."""
     bend = 0.813 * np.exp(-0.0022 * dp_hpa**2)
-    found: Floats = np.exp(3.543 - 0.00378 * dp_hpa + bend + 0.00157 * lat**2)
-    return found
+    return np.exp(3.543 - 0.00378 * dp_hpa + bend + 0.00157 * lat**2)
 
 
 def rmw_willoughby_rahn(v_mps: Floats, lat: Floats, **_: Floats) -> Floats:
     """(n,) km, Willoughby and Rahn 2004."""
-    found: Floats = 51.6 * np.exp(-0.0223 * v_mps + 0.0281 * np.abs(lat))
-    return found
+    return 51.6 * np.exp(-0.0223 * v_mps + 0.0281 * np.abs(lat))
 
 
 RADII: dict[str, Callable[..., Floats]] = {

@@ -47,11 +47,9 @@ class Track:
     @property
     def present(self) -> Bools:
         """(n,) False where there is no storm: neither wind nor a deficit of pressure."""
-        found: Bools = (self.vmax_mps > 0) | (self.pressure_hpa < self.penv_hpa)
-        return found
+        return (self.vmax_mps > 0) | (self.pressure_hpa < self.penv_hpa)
 
     @property
     def seconds(self) -> Floats:
         """(n,) since the first point."""
-        found: Floats = (self.time - self.time[0]).astype("timedelta64[s]").astype(float)
-        return found
+        return (self.time - self.time[0]).astype("timedelta64[s]").astype(float)

@@ -39,8 +39,7 @@ def climada(ratio: Floats) -> Floats:
 
 def phadke2003(ratio: Floats) -> Floats:
     """One half at R, falling inside and outside."""
-    found: Floats = ratio / (1.0 + ratio * ratio)
-    return found
+    return ratio / (1.0 + ratio * ratio)
 
 
 ASYMMETRIES: dict[str, Share] = {"none": none, "climada": climada, "phadke2003": phadke2003}
@@ -49,10 +48,7 @@ ASYMMETRIES: dict[str, Share] = {"none": none, "climada": climada, "phadke2003":
 def phadke_angle(ratio: Floats) -> Floats:
     """Inflow angle, degrees; continuous, 20 at R and 25 from 1.2 R on."""
     away = 1.0 / ratio
-    found: Floats = np.where(
-        away < 1.0, 10.0 * (1.0 + away), np.minimum(20.0 + 25.0 * (away - 1.0), 25.0)
-    )
-    return found
+    return np.where(away < 1.0, 10.0 * (1.0 + away), np.minimum(20.0 + 25.0 * (away - 1.0), 25.0))
 
 
 def phadke_angle_land(ratio: Floats) -> Floats:

@@ -74,8 +74,7 @@ def knaff(inland_km: Floats) -> Floats:
 
 def tchazards(inland_km: Floats) -> Floats:
     """0.66 + 0.34 exp(-d/0.4) at a distance of d km from the coast (TCHazaRds)."""
-    found: Floats = 0.66 + 0.34 * np.exp(-inland_km / 0.4)
-    return found
+    return 0.66 + 0.34 * np.exp(-inland_km / 0.4)
 
 
 ROUGHNESS: dict[str, Callable[[Floats], Floats]] = {"knaff2011": knaff, "tchazards": tchazards}

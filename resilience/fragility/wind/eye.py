@@ -41,14 +41,12 @@ class Eye:
     @property
     def speed_mps(self) -> Floats:
         """(times,) of translation."""
-        found: Floats = np.hypot(self.east_mps, self.north_mps)
-        return found
+        return np.hypot(self.east_mps, self.north_mps)
 
     @property
     def coriolis_per_s(self) -> Floats:
         """(times,) twice the rotation about the vertical, without sign."""
-        found: Floats = 2.0 * ROTATION_PER_S * np.sin(np.radians(np.abs(self.lat)))
-        return found
+        return 2.0 * ROTATION_PER_S * np.sin(np.radians(np.abs(self.lat)))
 
 
 def eye_of(track: Track) -> Eye:

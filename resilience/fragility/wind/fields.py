@@ -89,8 +89,7 @@ def emanuel2011(r_m: Floats, eye: Eye, share: Share) -> Floats:
     """
     ratio = r_m / eye.rmw_m
     top = eye.vmax_mps + 0.5 * eye.coriolis_per_s * eye.rmw_m * (eye.vmax_mps > 0)
-    found: Floats = 2.0 * top * ratio / (1.0 + ratio * ratio)
-    return found
+    return 2.0 * top * ratio / (1.0 + ratio * ratio)
 
 
 MODELS: dict[str, Model] = {
@@ -119,8 +118,7 @@ def _b_2008(eye: Eye) -> Floats:
     dp = eye.deficit_pa / 100.0
     moving = eye.speed_mps ** np.maximum(0.6 * (1.0 - dp / 215.0), 1e-3)
     b = -4.4e-5 * dp**2 + 0.01 * dp + 0.03 * eye.rise_hpa_per_h - 0.014 * np.abs(eye.lat)
-    found: Floats = np.clip(b + 0.15 * moving + 1.0, 0.81, 2.025)
-    return found
+    return np.clip(b + 0.15 * moving + 1.0, 0.81, 2.025)
 
 
 def _power(r_m: Floats, eye: Eye, b: Floats) -> tuple[Floats, Floats]:

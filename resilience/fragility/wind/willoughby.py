@@ -56,5 +56,4 @@ def willoughby2006(r_m: Floats, eye: Eye, share: Share) -> Floats:
 
 def to_surface(r_km: Floats) -> Floats:
     """Factor from gradient level to 10 m over water, by distance from the eye."""
-    found: Floats = 0.9 - 0.15 * np.clip((r_km - 100.0) / 600.0, 0.0, 1.0)
-    return found
+    return 0.9 - 0.15 * np.clip((r_km - 100.0) / 600.0, 0.0, 1.0)

@@ -48,8 +48,7 @@ def solve_apart(problem: Standard, vectors: Vectors, time_limit: float) -> Solut
             subprocess.run(command, timeout=time_limit + 10.0, capture_output=True, check=True)
         except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
             return NOTHING
-        found: Solution = pickle.loads(given.read_bytes())
-        return found
+        return pickle.loads(given.read_bytes())
 
 
 def _main(asked: str, given: str) -> None:

@@ -141,8 +141,7 @@ class NLP:
 
 def _moving(matrix: Any, live: Bools) -> Bools:
     """(rows,) whether a row of the matrix has a column that can move."""
-    found: Bools = np.abs(matrix) @ live.astype(float) > 0.0
-    return found
+    return np.abs(matrix) @ live.astype(float) > 0.0
 
 
 def _alive(structure: Unrolled, point: Floats, live: Bools) -> Bools:
@@ -150,8 +149,7 @@ def _alive(structure: Unrolled, point: Floats, live: Bools) -> Bools:
     moving = [_moving(m, live) for m in structure.matrices]
     if structure.kind == "cone":
         moving[1] &= structure.values(point)[0] != 0.0  # 0 v = sum(x^2) leaves v free
-    found: Bools = np.any(moving, axis=0)
-    return found
+    return np.any(moving, axis=0)
 
 
 def _broken(problem: Standard, v: Vectors, point: Floats, live: Bools) -> bool:

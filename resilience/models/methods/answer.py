@@ -109,8 +109,7 @@ def widest(problem: Standard, z: Floats, kind: str = "cone") -> float:
 
 def fractional(problem: Standard, z: Floats) -> Bools:
     """(columns,) integer columns whose value is none."""
-    found: Bools = problem.integer & (np.abs(z - np.round(z)) > CLOSED)
-    return found
+    return problem.integer & (np.abs(z - np.round(z)) > CLOSED)
 
 
 def remains(problem: Standard, z: Floats) -> list[str]:

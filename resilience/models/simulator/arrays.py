@@ -104,8 +104,7 @@ class Grouped:
         return int(self.outer.nnz + self.inner.nnz)
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        found: np.ndarray = self.outer @ (self.inner @ x)
-        return found
+        return self.outer @ (self.inner @ x)
 
 
 def grouped(matrix: sp.csr_array) -> Grouped:
@@ -146,34 +145,29 @@ class NumPy:
     @staticmethod
     def positive(x: np.ndarray) -> np.ndarray:
         """max(x, 0)."""
-        found: np.ndarray = np.maximum(x, 0.0)
-        return found
+        return np.maximum(x, 0.0)
 
     @staticmethod
     def between(x: np.ndarray, *most: np.ndarray) -> np.ndarray:
         """x, a fresh array, cut to 0 and all of `most`, in place."""
         for limit in most:
             np.minimum(x, limit, out=x)
-        found: np.ndarray = np.maximum(x, 0.0, out=x)
-        return found
+        return np.maximum(x, 0.0, out=x)
 
     @staticmethod
     def times(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x y, in place of x, a fresh array as wide as y."""
-        found: np.ndarray = np.multiply(x, y, out=x)
-        return found
+        return np.multiply(x, y, out=x)
 
     @staticmethod
     def plus(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x + y, in place of x, a fresh array as wide as y."""
-        found: np.ndarray = np.add(x, y, out=x)
-        return found
+        return np.add(x, y, out=x)
 
     @staticmethod
     def less(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """x - y, in place of x, a fresh array as wide as y."""
-        found: np.ndarray = np.subtract(x, y, out=x)
-        return found
+        return np.subtract(x, y, out=x)
 
     @staticmethod
     def wide(x: np.ndarray, batch: int) -> np.ndarray:
@@ -203,8 +197,7 @@ class NumPy:
     @staticmethod
     def rows(x: np.ndarray, at: Ints) -> np.ndarray:
         """Some rows of x, a fresh array."""
-        found: np.ndarray = np.take(x, at, axis=0)  # ten times faster than an index
-        return found
+        return np.take(x, at, axis=0)  # ten times faster than an index
 
     @staticmethod
     def some(x: np.ndarray, least: float) -> bool:
@@ -315,8 +308,7 @@ class Torch:
     @staticmethod
     def plain(x: Any) -> np.ndarray:
         """x as a NumPy array."""
-        found: np.ndarray = x.detach().cpu().numpy()
-        return found
+        return x.detach().cpu().numpy()
 
 
 @lru_cache(maxsize=64)
