@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.row import Row, timed
+from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.document import Document
 from resilience.case.load import build_case
-from resilience.models.algebra import Floats
 from resilience.models.microgrid import microgrid
 from resilience.models.simulator import NetworkSimulator, Simulator
 

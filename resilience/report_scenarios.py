@@ -8,8 +8,8 @@ import numpy as np
 from rich.console import Console, RenderableType
 from rich.text import Text
 
+from resilience.arrays import Floats
 from resilience.dispatch.scenario_plan import ScenarioPlan
-from resilience.models.algebra import Floats
 from resilience.report import GOOD, grid, percent
 
 ROWS = 12  # of the common schedule: more would not be read

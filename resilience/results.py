@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

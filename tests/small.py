@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
-from resilience.models.algebra import Floats
 from resilience.models.backends.highs import Highs
 from resilience.models.microgrid import Physics
 from resilience.models.problem import Problem, horizon

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import Step
 from resilience.models.simulator.plant import Plant

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from resilience.case.network import FloatArray
+from resilience.arrays import Floats
 from resilience.case.parts import Parts
 from resilience.case.schema import PVTable
 from resilience.case.storm_tables import StormTable
@@ -27,8 +27,8 @@ _CONSTANT = "peak"  # what a plant without a profile follows
 
 
 def under_cloud(
-    plants: Iterable[PVTable], profiles: Mapping[str, FloatArray], parts: Parts
-) -> tuple[tuple[PVTable, ...], dict[str, FloatArray]]:
+    plants: Iterable[PVTable], profiles: Mapping[str, Floats], parts: Parts
+) -> tuple[tuple[PVTable, ...], dict[str, Floats]]:
     """Return plants that follow reduced profiles, and these; plants as they are without a cloud."""
     plants, storm, window = tuple(plants), parts.storm, parts.window
     if storm is None or storm.cloud is None or not storm.points or window is None:
@@ -56,7 +56,7 @@ def bare_profile(profile: str | None) -> str | None:
     return None if name == _CONSTANT else name
 
 
-def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: float) -> FloatArray:
+def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: float) -> Floats:
     """Return the share of PV output that is left in every slot, (slots,), at a place."""
     assert storm.cloud is not None
     first = storm.on_horizon(storm.points[0][0])
@@ -79,7 +79,7 @@ def _middle(parts: Parts) -> tuple[float, float]:
     return float(lat.mean()), float(np.unwrap(lon, period=360.0).mean())
 
 
-def _distance_km(lat: FloatArray, lon: FloatArray, to_lat: float, to_lon: float) -> FloatArray:
+def _distance_km(lat: Floats, lon: Floats, to_lat: float, to_lon: float) -> Floats:
     """Return great-circle distances, (n,), by the haversine formula."""
     one, two = np.radians(lat), math.radians(to_lat)
     across = np.cos(one) * math.cos(two) * np.sin(np.radians(lon - to_lon) / 2.0) ** 2

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from resilience.case.network import FloatArray, Network
+from resilience.arrays import Floats
+from resilience.case.network import Network
 from resilience.case.schema import (
     DEVICES,
     ESSTable,
@@ -55,7 +56,7 @@ class Case:
     start: datetime
     slots: int
     step_min: float
-    profiles: Mapping[str, FloatArray]
+    profiles: Mapping[str, Floats]
     load: tuple[LoadTable, ...]
     pv: tuple[PVTable, ...]
     ess: tuple[ESSTable, ...]
@@ -86,7 +87,7 @@ class Case:
         """The horizon as times."""
         return Window(self.start, self.slots, self.step_min)
 
-    def profile(self, name: str | None) -> FloatArray:
+    def profile(self, name: str | None) -> Floats:
         """Return a profile over the horizon, shape `(slots,)`; ones for `None`."""
         if name is None:
             return np.ones(self.slots)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from resilience.arrays import Floats
 from resilience.case.checks import check_parts
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
@@ -14,7 +15,7 @@ from resilience.case.document import Document, find_case, read_document
 from resilience.case.feeder import FeederError, finish_network, read_feeder
 from resilience.case.geography import check_geography
 from resilience.case.inline import read_inline
-from resilience.case.network import FloatArray, did_you_mean
+from resilience.case.network import did_you_mean
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.parts import Parts
 from resilience.case.profiles import read_profiles
@@ -184,7 +185,7 @@ def _read_network(parts: Parts) -> None:
         parts.places = feeder.places
 
 
-def _read_profiles(parts: Parts) -> dict[str, FloatArray]:
+def _read_profiles(parts: Parts) -> dict[str, Floats]:
     document = parts.document
     raw = document.data.get("profiles", {})
     table, sound = read_table(ProfilesTable, raw, document, "[profiles]", ("profiles",))

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case.feeder import (
     Branch,
     Feeder,
@@ -26,7 +27,6 @@ from resilience.case.feeder import (
     make_network,
     unique_names,
 )
-from resilience.case.network import FloatArray
 
 _COLUMNS = {
     "bus": {"BUS_I": 0, "BUS_TYPE": 1, "PD": 2, "QD": 3, "GS": 4, "BS": 5, "BASE_KV": 9},
@@ -102,7 +102,7 @@ def _read(text: str) -> dict[str, Any]:
     return tables
 
 
-def _matrix(text: str) -> FloatArray:
+def _matrix(text: str) -> Floats:
     rows = [
         re.split(r"[\s,]+", row.strip()) for row in re.split(r"[;\n]", text.strip().strip("[]"))
     ]
@@ -199,7 +199,7 @@ def _feeder(tables: dict[str, Any]) -> Feeder:
     )
 
 
-def _generators(gen: FloatArray | None, names: dict[int, str]) -> Iterator[Injection]:
+def _generators(gen: Floats | None, names: dict[int, str]) -> Iterator[Injection]:
     rows = [] if gen is None else [row for row in gen if row[7] > 0 and int(row[0]) in names]
     titles = unique_names(f"gen{int(row[0])}" for row in rows)
     for row, title in zip(rows, titles, strict=True):

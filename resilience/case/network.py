@@ -7,13 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 
 def did_you_mean(name: str, known: Iterable[str], *, shown: int = 8) -> str:
@@ -40,19 +36,19 @@ class Network:
     """
 
     bus_names: tuple[str, ...]
-    vn_kv: FloatArray
-    v_min_pu: FloatArray
-    v_max_pu: FloatArray
+    vn_kv: Floats
+    v_min_pu: Floats
+    v_max_pu: Floats
     line_names: tuple[str, ...]
-    from_bus: IntArray
-    to_bus: IntArray
-    r_pu: FloatArray
-    x_pu: FloatArray
-    rating_mva: FloatArray
-    in_service: BoolArray
-    switchable: BoolArray
-    switching_cost: FloatArray
-    breakpoint: BoolArray
+    from_bus: Ints
+    to_bus: Ints
+    r_pu: Floats
+    x_pu: Floats
+    rating_mva: Floats
+    in_service: Bools
+    switchable: Bools
+    switching_cost: Floats
+    breakpoint: Bools
     aliases: Mapping[str, str] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)
     _line_index: dict[str, int] = field(init=False, repr=False)

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from resilience.case.network import FloatArray
+from resilience.arrays import Floats
 from resilience.case.window import Window
 
 Finding = tuple[str, str, str, str]
@@ -41,9 +41,9 @@ class ProfileFile:
 
     times: NDArray[np.datetime64]
     raw: dict[str, Any]
-    _numbers: dict[str, FloatArray] = field(default_factory=dict)
+    _numbers: dict[str, Floats] = field(default_factory=dict)
 
-    def column(self, name: str) -> FloatArray:
+    def column(self, name: str) -> Floats:
         """Return a whole column as floats; empty cells are NaN."""
         if name not in self._numbers:
             self._numbers[name] = _to_numbers(name, self.raw[name])
@@ -130,7 +130,7 @@ def _to_times(texts: tuple[str, ...]) -> NDArray[np.datetime64]:
     return np.array(stamps, dtype="datetime64[s]")
 
 
-def _to_numbers(name: str, cells: Any) -> FloatArray:
+def _to_numbers(name: str, cells: Any) -> Floats:
     try:
         return np.array([np.nan if c is None else c for c in cells]).astype(np.float64)
     except ValueError:
@@ -185,13 +185,13 @@ def read_profiles(
     inline: Mapping[str, Sequence[float]],
     window: Window,
     uses: Mapping[str, bool],
-) -> tuple[dict[str, FloatArray], set[str] | None, list[Finding]]:
+) -> tuple[dict[str, Floats], set[str] | None, list[Finding]]:
     """Cut the profiles that a case uses, and all inline ones, to the horizon.
 
     `uses` says for each name whether it is a price. Returns the arrays, the names there are
     (`None` where the file cannot be read), and what is wrong, as `(key, value, allowed, hint)`.
     """
-    arrays: dict[str, FloatArray] = {}
+    arrays: dict[str, Floats] = {}
     findings: list[Finding] = []
     known: set[str] | None = set(inline)
     if path:
@@ -218,7 +218,7 @@ def read_profiles(
 
 
 def _wrong_values(
-    name: str, values: FloatArray, window: Window, *, is_price: bool
+    name: str, values: Floats, window: Window, *, is_price: bool
 ) -> Iterator[Finding]:
     checks = [(~np.isfinite(values), "NaN or infinite", "finite numbers", "fill the gaps")]
     if not is_price:

@@ -8,12 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from resilience.case.network import FloatArray
+from resilience.arrays import Floats
 from resilience.case.parts import Parts
 from resilience.case.storm_tables import StormTable
 from resilience.case.tables import show
-from resilience.fragility.averaging import KNOT_MPS, NAMELESS
-from resilience.fragility.plausible import LON_HIGH, LON_LOW, leaps, too_strong
+from resilience.earth.averaging import KNOT_MPS, NAMELESS
+from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
 
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
@@ -100,9 +100,9 @@ def _in_knots(storm: StormTable) -> Iterator[Finding]:
         yield "points", odd.found(f"points[{odd.point + 1}]"), odd.allowed, hint
 
 
-def _columns(storm: StormTable) -> FloatArray:
+def _columns(storm: StormTable) -> Floats:
     """Return latitudes, longitudes, pressures and winds, (4, n); a place off the earth is NaN."""
-    columns: FloatArray = np.array([point[1:] for point in storm.points], float).T
+    columns: Floats = np.array([point[1:] for point in storm.points], float).T
     for k, _, low, high, _ in _LIMITS[:2]:
         columns[k - 1][~((columns[k - 1] >= low) & (columns[k - 1] <= high))] = np.nan
     return columns

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from resilience.case.network import FloatArray
+from resilience.arrays import Floats
 from resilience.case.rules import MAX_PRICE_PER_MWH
 from resilience.case.schema import GridTable
 from resilience.case.window import Window
@@ -48,8 +48,8 @@ def wrong_tariff(tariff: Sequence[tuple[str, float]]) -> Iterator[Finding]:
 
 
 def tariff_profiles(
-    grids: Iterable[GridTable], profiles: Mapping[str, FloatArray], window: Window
-) -> dict[str, FloatArray]:
+    grids: Iterable[GridTable], profiles: Mapping[str, Floats], window: Window
+) -> dict[str, Floats]:
     """Return the price profiles, (slots,) per MWh, of all tariffs under their names."""
     found = {}
     for grid in grids:
@@ -62,7 +62,7 @@ def tariff_profiles(
     return found
 
 
-def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> FloatArray:
+def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> Floats:
     """Return the price in every slot, (slots,); the mean over a slot in which it changes."""
     starts = np.array([minute_of_day(clock) for clock, _ in tariff], float)
     price = np.array([price for _, price in tariff])

@@ -6,10 +6,10 @@ import json
 import textwrap
 from typing import Any
 
+from resilience.arrays import Floats
 from resilience.case.change import plain
 from resilience.case.cloud import is_reduced
 from resilience.case.data import Case
-from resilience.case.network import FloatArray
 from resilience.case.outages import outage_texts
 from resilience.case.schema import DEVICES
 
@@ -46,7 +46,7 @@ def case_text(case: Case) -> str:
     return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text
 
 
-def _column(name: str, values: FloatArray) -> str:
+def _column(name: str, values: Floats) -> str:
     numbers = ", ".join(map(repr, values.tolist()))
     lines = textwrap.wrap(numbers, 100, initial_indent="    ", subsequent_indent="    ")
     return "\n".join([f"{json.dumps(name, ensure_ascii=False)} = [", *lines, "]"])

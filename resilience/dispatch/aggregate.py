@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 from resilience.models.microgrid import Microgrid, microgrid
 
 if TYPE_CHECKING:

@@ -10,17 +10,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.slots import Slot, Slots
 from resilience.dispatch.trajectory import Trajectory
 from resilience.errors import UsageError
 from resilience.fragility.forecast import Outlook
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats, Ints
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.models.situation import Situation
 
-Bools = np.ndarray
 __all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
 Stepper = Simulator | NetworkSimulator
 Forecast = Callable[[str | None, Ints], Floats]

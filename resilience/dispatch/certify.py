@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats
 from resilience.dispatch.measures import demand
-from resilience.models.algebra import Floats
 from resilience.models.certify import TOLERANCE, Carried, carry
 
 if TYPE_CHECKING:
     from resilience.dispatch.base import World
     from resilience.dispatch.trajectory import Trajectory
 
-Bools = np.ndarray
 MEMBERS = 16_384  # power flows at once: some ten MB each array for a feeder of a hundred buses
 
 

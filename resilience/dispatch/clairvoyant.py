@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.aggregate import Aggregate, aggregate
 from resilience.dispatch.base import Observation, World
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.tree import Cut, Tree
 from resilience.models.unroll import unroll
 
 STEEPEST = {"simplex_dual_edge_weight_strategy": -1}  # of a long horizon: half the time of Devex
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch import statistics
-from resilience.models.algebra import Floats
 
 if TYPE_CHECKING:
     from resilience.dispatch.certify import TrajectoryCertificate

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.lshaped import Options, Solved
 from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError, SolverError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch import statistics
 from resilience.dispatch.certify import TrajectoryCertificate
@@ -22,7 +23,6 @@ from resilience.dispatch.registry import REFERENCE
 from resilience.dispatch.runs import BOUND
 from resilience.dispatch.statistics import MeanInterval
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

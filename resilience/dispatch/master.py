@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.recourse import Second
 from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.backends.plain import Plain
 from resilience.models.risk import node_prices

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats
 from resilience.dispatch import metrics
 from resilience.dispatch.metrics import Adequacy, InterruptionIndices, Service
 from resilience.dispatch.trapezoid import Trapezoid, lines_up_ratio, trapezoid
-from resilience.models.algebra import Floats
 
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.dispatch.base import World
     from resilience.dispatch.trajectory import Trajectory
-
-Bools = np.ndarray
 
 
 def critical_loads(case: Case) -> Bools:

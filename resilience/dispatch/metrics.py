@@ -18,10 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 TOLERANCE_MW = 1e-6
 """Shedding up to this is a solver's rounding."""

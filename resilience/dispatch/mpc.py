@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
@@ -11,7 +12,6 @@ from resilience.dispatch.reserve import Reserve, reserve_price
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.value import stored_energy_value
 from resilience.fragility.belief import Belief, case_belief
-from resilience.models.algebra import Floats
 from resilience.models.microgrid import microgrid
 
 PAPER_SLOTS = 8

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.base import Trajectory, World
 from resilience.dispatch.extensive import own_columns
 from resilience.dispatch.lshaped import Solved
 from resilience.dispatch.plan import tabulate
 from resilience.dispatch.storms import StormProgram
-from resilience.models.algebra import Floats, Ints
 from resilience.models.problem import Problem
 from resilience.models.referee import audit, settle
 from resilience.models.standard import Standard

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Literal, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.schema import DeviceTable
 from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
 from resilience.fragility.outages import outages_from
-from resilience.models.algebra import Floats
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.problem import Problem, as_switched
 
 NEAR = 1e-4
-Bools = np.ndarray
 
 REASONS = {
     "no source": "its island has no grid-forming unit",

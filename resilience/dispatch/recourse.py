@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.twostage import Chain, TwoStage
 from resilience.errors import InfeasibleError, SolverError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower

@@ -25,9 +25,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case.reserve import reserve_price_range
 from resilience.dispatch.base import Forecast
-from resilience.models.algebra import Floats, Ints
 from resilience.models.microgrid import Microgrid
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage

@@ -14,12 +14,12 @@ from functools import cached_property, partial
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.aggregate import Aggregate, profiles_of
 from resilience.dispatch.base import Forecast
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.risk import Risk, RiskAverse
@@ -92,7 +92,7 @@ class Window:
 
     t: int
     energy: Floats
-    up: Floats
+    up: Bools
     share: Floats
     forecast: Forecast
     value: Floats

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.base import Observation, World
-from resilience.models.algebra import Floats
 
 
 class Idle:

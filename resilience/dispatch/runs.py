@@ -15,13 +15,13 @@ from functools import partial
 
 import numpy as np
 
+from resilience.arrays import Ints
 from resilience.dispatch.base import Dispatcher, World, simulate
 from resilience.dispatch.clairvoyant import Replay, clairvoyant
 from resilience.dispatch.engines import Engine, spread
 from resilience.dispatch.registry import BATCHED
 from resilience.dispatch.store import Store
 from resilience.dispatch.trajectory import Trajectory, joined
-from resilience.models.algebra import Ints
 from resilience.models.simulator import NetworkSimulator
 from resilience.progress import Meter, meter
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.dispatch.base import World

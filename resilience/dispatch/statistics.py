@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from resilience.dispatch.metrics import Floats, weights
+from resilience.arrays import Floats
+from resilience.dispatch.metrics import weights
 from resilience.errors import UsageError
 
 TRIVIAL_SHARE = 0.01

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
@@ -15,7 +16,6 @@ from resilience.dispatch.rolling import MEAN, Program, Steps, Window, check_stor
 from resilience.dispatch.value import stored_energy_value
 from resilience.fragility.belief import Belief, case_belief
 from resilience.fragility.bell import Bell
-from resilience.models.algebra import Floats
 from resilience.models.risk import Risk
 
 

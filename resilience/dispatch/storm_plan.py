@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch import outcomes
 from resilience.dispatch.base import World, simulate
@@ -22,7 +23,6 @@ from resilience.fragility.bell import case_bell
 from resilience.fragility.files import load_scenarios
 from resilience.fragility.outages import DRAWN, fixed, outages_from, sample_bell, sample_case
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats
 from resilience.models.methods.answer import LATE, Options, gap
 from resilience.models.microgrid import Physics
 from resilience.models.risk import Risk

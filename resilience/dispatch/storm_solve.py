@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.extensive import extensive
 from resilience.dispatch.lshaped import Options, Solved, lshaped
 from resilience.dispatch.master import Master
@@ -14,7 +15,6 @@ from resilience.dispatch.recourse import Recourse
 from resilience.dispatch.storms import StormProgram, storm_program
 from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError, UsageError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.base import Status
 from resilience.models.methods.answer import CLOSED, Clock, gap, remains, sides, violated, widest
 from resilience.models.standard import Standard

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, Outage
 from resilience.dispatch.twostage import IN, TwoStage
 from resilience.errors import UsageError
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.microgrid import Microgrid, Physics, microgrid
@@ -25,8 +25,6 @@ from resilience.models.risk import Risk
 from resilience.models.standard import Standard
 from resilience.models.tree import Cut, Tree
 from resilience.models.unroll import unroll
-
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

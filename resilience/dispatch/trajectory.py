@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -16,12 +16,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from resilience.dispatch.metrics import Bools, Floats, check_step
+from resilience.arrays import Bools, Floats, Ints
+from resilience.dispatch.metrics import check_step
 from resilience.errors import UsageError
 
-Ints = NDArray[np.intp]
 TOLERANCE_SHARE = 1e-9
 """Performance this far from normal is normal."""
 

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.risk import Risk
 from resilience.models.stage import Stage
 from resilience.models.standard import Standard

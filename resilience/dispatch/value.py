@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 
 if TYPE_CHECKING:
     from resilience.case import Case

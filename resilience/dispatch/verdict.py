@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.comparison import Compared
 from resilience.dispatch.registry import REFERENCE
 from resilience.dispatch.statistics import MeanInterval, mean_interval, triviality
-from resilience.models.algebra import Floats
 
 BOUND = "clairvoyant"
 SAME_MWH = 5e-4

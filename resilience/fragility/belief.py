@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.bell import REFERENCE_MIN, Bell, case_bell
 from resilience.fragility.conditional import (
     DayDraw,
@@ -19,7 +20,6 @@ from resilience.fragility.conditional import (
     expected_left,
     futures,
 )
-from resilience.fragility.scenarios import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case

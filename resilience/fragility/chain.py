@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.storm_tables import StormTable
 from resilience.errors import CaseError, Problem, UsageError, together
 from resilience.fragility.coverage import check_ends, check_overlap
@@ -25,7 +26,7 @@ from resilience.fragility.damage import Timing, failed_by, hazard
 from resilience.fragility.geography import Geography, geography
 from resilience.fragility.lines import Lines, SpanWind, calm, span_speed
 from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.fragility.scenarios import Scenarios
 from resilience.fragility.storms import Sampling, sample_storms
 from resilience.fragility.strength import cables, check_names, lines_of, repair_of, storm_curve
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of

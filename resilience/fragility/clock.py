@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.damage import Timing, accumulated
 from resilience.fragility.lines import Lines, worst_score
-from resilience.fragility.scenarios import Bools, Floats, Ints
 
 POINTS = 6
 TABLE_FROM = 100  # scenarios; a table for fewer costs more than it saves

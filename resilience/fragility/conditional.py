@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.bell import REFERENCE_MIN, Bell
-from resilience.fragility.scenarios import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)

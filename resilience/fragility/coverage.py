@@ -6,13 +6,12 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from resilience.arrays import Floats, Times
 from resilience.case.storm_tables import StormTable
+from resilience.earth.sphere import seen_from
 from resilience.errors import UsageError
 from resilience.fragility.geography import Geography
-from resilience.fragility.scenarios import Floats
-from resilience.fragility.sphere import seen_from
 from resilience.fragility.tracks import Track
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 STILL_BLOWS_MPS = 20.0
 """In the measure of the poles' curve: crews wait for less, and no pole fails in it."""
-Times = NDArray[np.datetime64]
 
 
 def check_overlap(case: Case, track: Track, place: Geography, times: Times) -> None:

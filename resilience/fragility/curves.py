@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Floats
 
 Parameters = Mapping[str, Any]
 EXPOSURES = ("water", "land")

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.fragility.lines import (
     Lines,
@@ -31,7 +32,6 @@ from resilience.fragility.lines import (
     span_speed,
     worst_score,
 )
-from resilience.fragility.scenarios import Floats
 
 MODES = ("running_max", "rate", "per_slot")
 

@@ -23,12 +23,13 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case, load_case
+from resilience.earth.sphere import seen_from
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
-from resilience.fragility.scenarios import Floats, Scenarios
-from resilience.fragility.sphere import seen_from
+from resilience.fragility.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
 from resilience.results import replacing
 

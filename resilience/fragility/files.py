@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.errors import CaseError, Problem, UsageError
-from resilience.fragility.scenarios import Floats, Scenarios
+from resilience.fragility.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.bell import REFERENCE_MIN
-from resilience.fragility.scenarios import Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case.geography import findings
 from resilience.case.storm_tables import GeographyTable
 from resilience.errors import CaseError, Problem
-from resilience.fragility.scenarios import Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.arrays import Bools, Floats, Ints
+from resilience.fragility.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid, microgrid
 
 if TYPE_CHECKING:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
-from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.fragility.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage

@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Floats, Ints, Scenarios
+from resilience.fragility.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case

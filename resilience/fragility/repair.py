@@ -16,8 +16,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import ndtri
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Bools, Floats, Ints
 
 LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
     "fixed": (("hours",), np.full_like),

@@ -23,12 +23,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.clock import Clock
 from resilience.fragility.damage import RUNNING_MAX, Timing
 from resilience.fragility.lines import Lines, WindAtSpans, calm, scores, span_speed
 from resilience.fragility.repair import Repair, repaired
-from resilience.fragility.scenarios import Bools, Floats, Ints, Scenarios
+from resilience.fragility.scenarios import Scenarios
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.network import did_you_mean
 from resilience.case.schema import LineTable
 from resilience.case.storm_tables import CurveTable, StormTable
@@ -15,7 +16,6 @@ from resilience.errors import CaseError, Problem, UsageError
 from resilience.fragility.curves import CURVES, Curve, measure
 from resilience.fragility.lines import Lines, poles_in_series
 from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Bools, Floats, Ints
 from resilience.fragility.tracks.fill import RADII
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, ROUGHNESS
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 

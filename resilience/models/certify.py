@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints
-from resilience.models.powerflow import Bools, Flow, flow
+from resilience.models.powerflow import Flow, flow
 from resilience.models.problem import status
 from resilience.models.situation import Situation
 

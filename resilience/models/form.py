@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Affine, Floats, Ints, stack
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Affine, stack
 from resilience.models.stage import Block, Stage, Structure
 
 

@@ -8,9 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 
-Bools = np.ndarray
 MOST = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in all
 
 

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.models import components as parts
-from resilience.models.algebra import Affine, Floats, Ints, stack
+from resilience.models.algebra import Affine, stack
 from resilience.models.components import Component, Injection
 from resilience.models.islands import Islands
 from resilience.models.network import bundle, closable, cycle, exchange, merge
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 Physics = Literal["copperplate", "lindistflow", "distflow"]
 PHYSICS: tuple[Physics, ...] = get_args(Physics)
 MARGIN = 1.25  # of what two sides of a line can exchange, so that losses never bind
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

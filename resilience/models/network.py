@@ -10,12 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Network
-
-Bools = np.ndarray
 
 
 def closable(network: Network) -> Network:

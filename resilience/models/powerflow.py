@@ -23,14 +23,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Network
 
-Bools = np.ndarray
 MEGA = 1e6
 RATED_V = 1e3
 STIFF_VA = 1e16  # short-circuit power of a root: 1e-10 pu behind it, where the default is 1e-4
@@ -159,7 +158,7 @@ class _Members:
         """(members,) all numbers finite; power-grid-model takes NaN for `as before`."""
         finite = np.isfinite(self.p) & np.isfinite(self.q)
         held: Bools = np.isfinite(self.v) | ~self.root
-        return ((finite & held) | ~self.live).all(axis=0)
+        return np.all((finite & held) | ~self.live, axis=0)
 
     def groups(self) -> list[Ints]:
         """Indices of members to solve together: the common patterns alone, the rare ones at once.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 from resilience.models.microgrid import Microgrid, Physics, microgrid
 from resilience.models.situation import Situation
 from resilience.models.standard import Standard, Vectors

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-5

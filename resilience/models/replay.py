@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.algebra import Labels
 from resilience.models.form import Form
 from resilience.models.microgrid import Physics
 from resilience.models.problem import Problem, horizon

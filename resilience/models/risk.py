@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered

@@ -9,12 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.arrays import Bools, Floats, Ints
+from resilience.models.algebra import Labels
 from resilience.models.islands import Islands
-
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

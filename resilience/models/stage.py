@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resilience.models.algebra import Affine, Floats, Ints, Labels
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Affine, Labels
 
 
 @dataclass(frozen=True)

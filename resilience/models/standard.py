@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Labels
 from resilience.models.form import CostForm, Form
 from resilience.models.tree import Cut, Tree
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Labels
 
 
 @dataclass(frozen=True)

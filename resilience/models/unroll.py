@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.form import Form
 from resilience.models.stage import Stage, Structure
 from resilience.models.standard import Standard, Unrolled

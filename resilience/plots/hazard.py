@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case.storm_tables import StormTable
 from resilience.fragility.chain import slot_times
 from resilience.fragility.lines import Lines, Series, SpanWind, failure_probability
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from resilience.fragility.feeder_hazard import Hazard
-    from resilience.models.algebra import Floats
 
 SWATH_MPS = (17.5, 25, 33, 42, 50, 60, 80)
 MAP = "YlGnBu"

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.plots.style import COLOURS, STORMY, aside, stairs, steps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from resilience.models.algebra import Floats, Ints
 
 SEPARATE = 8  # storage units up to which each has a colour of its own
 LABELLED = 14  # rows of a band up to which each has a label

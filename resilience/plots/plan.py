@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.plots import panels, style
 from resilience.results import Plan
@@ -15,8 +16,6 @@ from resilience.results import Plan
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from resilience.models.algebra import Floats
 
 
 def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.comparison import Compared
 from resilience.dispatch.registry import REFERENCE
 from resilience.dispatch.verdict import BOUND, days_of, verdict
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from resilience.models.algebra import Floats
 
 WIDE = 15.0  # ratio of the largest to the smallest value from which an axis is logarithmic
 FEW = 9  # days below which each is a dot

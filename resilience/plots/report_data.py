@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.comparison import Compared, day_spans
 from resilience.dispatch.statistics import MeanInterval
 from resilience.dispatch.verdict import BOUND, days_of, interval, ranked, shed_per_day
-from resilience.models.algebra import Floats
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.scenario_plan import ScenarioPlan
 from resilience.errors import UsageError
 from resilience.plots import style
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from resilience.case import Case
-    from resilience.models.algebra import Floats
 
 
 def plot_scenario_plan(plan: ScenarioPlan, path: str | Path | None = None) -> Figure:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.comparison import Compared
 from resilience.plots import panels, style
 from resilience.plots.storm_choice import Day, Storm, storm
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from resilience.models.algebra import Floats, Ints
 
 HEIGHTS = {"power": 2.4, "soc": 1.1, "shed": 1.1, "islands": 1.1, "lines": 0.6}
 """Of the rows, in inches times 1.35."""

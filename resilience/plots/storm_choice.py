@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case.network import did_you_mean
 from resilience.dispatch.comparison import Compared, day_spans
 from resilience.errors import UsageError
@@ -16,7 +17,6 @@ from resilience.plots.storm_data import Deed, Feeder, deed, feeder, load_groups
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.models.algebra import Floats, Ints
 
 Day = int | str | None
 MOST = 6  # methods beside each other

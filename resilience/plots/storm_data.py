@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case import Case, Network
 from resilience.dispatch.base import Trajectory
 from resilience.fragility.bell import REFERENCE_MIN
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats, Ints
 from resilience.models.network import closable, merge
 from resilience.models.situation import Situation
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.results import replacing_file
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from resilience.models.algebra import Floats
 
 COLOURS = {
     "grid": "#9a9a9a",

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
-from resilience.models.algebra import Floats, Ints
 
 LOAD_MW = 3.715
 BASE_OPEN = (33, 34, 35, 36, 37)

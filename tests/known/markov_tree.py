@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from small import small
 
+from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
 from resilience.dispatch.sddp.training import Engine
-from resilience.models.algebra import Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.models.algebra import Floats
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.microgrid import Physics
 from resilience.models.problem import Problem, horizon

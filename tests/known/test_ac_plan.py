@@ -7,8 +7,8 @@ import pytest
 from small import small
 from solving import Solved, power, solved
 
+from resilience.arrays import Floats
 from resilience.case import Case, load_case
-from resilience.models.algebra import Floats
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.methods.answer import widest
 

@@ -7,9 +7,9 @@ import pytest
 from markov_tree import Written, grid, multistage, policy_cost
 from test_farmer import PUBLISHED, WEATHER, autumn, spring
 
+from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
 from resilience.dispatch.sddp.training import Begin, Engine, Settings, Trained, simulated, train
-from resilience.models.algebra import Floats
 
 LOW, HIGH = np.array([0.2, 0.0]), np.array([2.0, 1.0])
 STARTS = [(LOW + k * (HIGH - LOW), np.array([sun])) for k in (0.23, 0.81) for sun in (0.1, 1.0)]

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_cases import quick
 
-from resilience.models.algebra import Affine, Floats, scatter, stack
+from resilience.arrays import Floats
+from resilience.models.algebra import Affine, scatter, stack
 
 WIDTH = 4  # variables, and as many data
 

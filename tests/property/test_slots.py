@@ -12,8 +12,8 @@ from random_cases import number, quick
 from small import small
 from stepping import Scene, assert_sound, scene
 
+from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.models.algebra import Floats
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.microgrid import microgrid

@@ -15,10 +15,10 @@ import highspy
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import Cuts
 from resilience.dispatch.sddp.program import Numbers, Program
 from resilience.errors import SolverError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE, WARM
 
 OPTIMAL = highspy.HighsModelStatus.kOptimal

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats
 from resilience.case import Case
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
-from resilience.dispatch.sddp.chain import Bools, Chain, storm_chain
+from resilience.dispatch.sddp.chain import Chain, storm_chain
 from resilience.dispatch.sddp.days import learnt, past_days, slot_of_day, slots_of_day
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
@@ -18,7 +19,6 @@ from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
 from resilience.dispatch.value import stored_energy_value
 from resilience.errors import UsageError
 from resilience.fragility.bell import Bell, case_bell
-from resilience.models.algebra import Floats
 
 MOST_LINES = 6  # that can fail: modes are their subsets, 64 then
 BIN = 8  # slots of 15 minutes: centres that one cut set serves, where the case names none

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.program import Program
 from resilience.dispatch.sddp.training import Settings, Trained
-from resilience.models.algebra import Floats
 from resilience.results import replacing_file
 
 VERSION = 1

@@ -18,13 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.bell import REFERENCE_MIN, Bell
-from resilience.models.algebra import Floats, Ints
 
 DAY_MIN = 24 * 60
 RARE = 1e-4  # per slot: failures less likely than this are left out
 UNLIKELY = 1e-7  # of being in a mode: modes less likely than this are left out
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Case
-
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

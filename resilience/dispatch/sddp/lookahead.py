@@ -12,13 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Forecast
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.sddp.book import Book, CutSet
-from resilience.dispatch.sddp.chain import Bools
 from resilience.fragility.conditional import DayDraw, Known, days_reached, futures
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 
 AHEAD = Steps(slots=4, blocks=3, block_slots=4)

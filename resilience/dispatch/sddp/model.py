@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 from resilience.models.stage import Stage
 
 

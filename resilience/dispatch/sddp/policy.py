@@ -6,17 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.book import Book, CutSet
-from resilience.dispatch.sddp.chain import Bools
 from resilience.dispatch.sddp.lookahead import Asked, Lookahead
 from resilience.dispatch.sddp.model import Cuts, Outcomes
 from resilience.dispatch.sddp.program import Program
 from resilience.errors import UsageError
 from resilience.fragility.conditional import Known
-from resilience.models.algebra import Floats, Ints
 
 PATHS = 20
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import Outcomes
-from resilience.models.algebra import Floats, Ints
 from resilience.models.stage import Stage
 from resilience.models.tree import Tree
 from resilience.models.unroll import unroll

@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.case.schema import ESSTable
-from resilience.dispatch.sddp.chain import Bools, Chain
+from resilience.dispatch.sddp.chain import Chain
 from resilience.dispatch.sddp.days import Climate
 from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
-from resilience.models.algebra import Floats, Ints
 from resilience.models.microgrid import Microgrid, microgrid
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
 from resilience.dispatch.sddp.program import Program
-from resilience.models.algebra import Floats, Ints
 from resilience.progress import phase
 
 Begin = tuple[Floats, Floats]

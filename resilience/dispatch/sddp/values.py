@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.dispatch.sddp.book import Book
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 
 if TYPE_CHECKING:
     from resilience.case import Case

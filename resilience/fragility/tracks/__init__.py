@@ -1,6 +1,6 @@
 """Tracks of tropical cyclones: read, completed, interpolated, perturbed."""
 
-from resilience.fragility.averaging import AGENCIES, one_minute
+from resilience.earth.averaging import AGENCIES, one_minute
 from resilience.fragility.tracks.columns import track_of
 from resilience.fragility.tracks.ensemble import ensemble
 from resilience.fragility.tracks.fill import RADII

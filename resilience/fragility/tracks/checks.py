@@ -8,11 +8,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats, Ints, Times
+from resilience.earth.averaging import AGENCIES, NAMELESS
+from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
 from resilience.errors import Problem
-from resilience.fragility.averaging import AGENCIES, NAMELESS
-from resilience.fragility.plausible import LON_HIGH, LON_LOW, leaps, too_strong
-from resilience.fragility.scenarios import Bools, Floats, Ints
-from resilience.fragility.tracks.track import Times
 
 
 @dataclass(frozen=True)

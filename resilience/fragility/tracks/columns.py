@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints, Times
+from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.errors import CaseError, Problem
-from resilience.fragility.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
-from resilience.fragility.scenarios import Floats, Ints
 from resilience.fragility.tracks.checks import problems
 from resilience.fragility.tracks.fill import filled
-from resilience.fragility.tracks.track import Times, Track
+from resilience.fragility.tracks.track import Track
 
 KNOWN: dict[str, tuple[str, float]] = {
     "lat": ("lat", 1.0),

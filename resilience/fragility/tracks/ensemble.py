@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats
+from resilience.earth.averaging import KNOT_MPS, relation, to_one_minute
+from resilience.earth.sphere import legs, moved
 from resilience.errors import UsageError
-from resilience.fragility.averaging import KNOT_MPS, relation, to_one_minute
-from resilience.fragility.scenarios import Floats
-from resilience.fragility.sphere import legs, moved
 from resilience.fragility.tracks.fill import HPA_PER_KNOT, LEAST_HPA, rmw_ibtracs
 from resilience.fragility.tracks.track import Track
 

@@ -12,16 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from resilience.errors import UsageError
-from resilience.fragility.averaging import (
+from resilience.arrays import Bools, Floats
+from resilience.earth.averaging import (
     KNOT_MPS,
     NAUTICAL_MILE_KM,
     from_one_minute,
     relation,
     to_one_minute,
 )
-from resilience.fragility.plausible import usual_wind_kt
-from resilience.fragility.scenarios import Bools, Floats
+from resilience.earth.plausible import usual_wind_kt
+from resilience.errors import UsageError
 
 PENV_HPA = {"NA": 1010.0, "EP": 1010.0, "SA": 1010.0, "NI": 1005.0, "SI": 1005.0, "WP": 1005.0}
 PENV_HPA |= {"SP": 1004.0}

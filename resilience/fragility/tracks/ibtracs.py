@@ -12,8 +12,8 @@ import re
 
 import numpy as np
 
+from resilience.earth.averaging import AGENCIES
 from resilience.errors import UsageError
-from resilience.fragility.averaging import AGENCIES
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.fill import PENV_HPA
 from resilience.fragility.tracks.plain import chosen, data_rows

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from resilience.fragility.scenarios import Bools, Floats
-
-Times = NDArray[np.datetime64]
+from resilience.arrays import Bools, Floats, Times
 
 
 @dataclass(frozen=True, eq=False)

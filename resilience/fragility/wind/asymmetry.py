@@ -22,7 +22,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from resilience.fragility.scenarios import Floats
+from resilience.arrays import Floats
 
 Share = Callable[[Floats], Floats]
 

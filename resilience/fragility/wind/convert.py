@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Floats
 
 EXPOSURES = ("water", "land")
 REFERENCE_HEIGHT_M = 10.0

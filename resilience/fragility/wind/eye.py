@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.fragility.averaging import KNOT_MPS, one_minute
-from resilience.fragility.scenarios import Floats
-from resilience.fragility.sphere import legs
+from resilience.arrays import Floats
+from resilience.earth.averaging import KNOT_MPS, one_minute
+from resilience.earth.sphere import legs
 from resilience.fragility.tracks.track import Track
 
 ROTATION_PER_S = 7.29e-5

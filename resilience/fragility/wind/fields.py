@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.fragility.scenarios import Floats
+from resilience.arrays import Floats
 from resilience.fragility.wind.asymmetry import Share
 from resilience.fragility.wind.eye import Eye
 from resilience.fragility.wind.willoughby import willoughby2006

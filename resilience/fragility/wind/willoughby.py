@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.fragility.scenarios import Floats
+from resilience.arrays import Floats
 from resilience.fragility.wind.asymmetry import Share
 from resilience.fragility.wind.eye import Eye
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from resilience.arrays import Floats
+from resilience.earth.sphere import seen_from
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Floats
-from resilience.fragility.sphere import seen_from
 from resilience.fragility.tracks.track import Track
 from resilience.fragility.wind.asymmetry import ASYMMETRIES, INFLOWS
 from resilience.fragility.wind.convert import EXPOSURES, Kind, factor

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.standard import Standard, Vectors, reach
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from resilience.models.algebra import Ints
+from resilience.arrays import Ints
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.standard import Standard, Vectors

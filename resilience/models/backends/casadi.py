@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, LeafCuts, Solution, crossed
 from resilience.models.referee import row_violations, structure_violations
 from resilience.models.standard import Standard, Unrolled, Vectors
@@ -14,7 +14,6 @@ from resilience.models.standard import Standard, Unrolled, Vectors
 TOLERANCE = 1e-8
 COMPLEMENTARITY = 1e-7  # with Ipopt's own 1e-4 a warm start may stop 4e-5 above the optimum
 FIXED = 1e-6  # scaled violation from which columns that are fixed contradict each other
-Bools = np.ndarray
 WARM = {
     "warm_start_init_point": "yes",
     "mu_init": 1e-9,  # where the SOCP solver stopped; 1e-5 leaves its point, for 200 iterations

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.backends.base import (
     INFEASIBLE,
     NOTHING,

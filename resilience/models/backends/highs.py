@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.certificate import safe_bound

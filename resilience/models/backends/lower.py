@@ -15,12 +15,11 @@ from typing import Literal
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.standard import Standard, Unrolled, Vectors
 
 SIDES = 12  # even: opposite sides share a row
 Discs = Literal["inner", "outer"]
-Bools = np.ndarray
 
 
 @dataclass

@@ -11,8 +11,8 @@ import highspy
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE
 from resilience.models.certificate import safe_bound
 from resilience.models.standard import Vectors

@@ -8,8 +8,8 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 from resilience.models.backends.base import NOTHING, LeafCuts, Solution
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.standard import Standard, Unrolled, Vectors

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from resilience.models.algebra import Affine, Floats, Ints, Labels, scatter
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from resilience.models.algebra import Floats, Labels
+from resilience.arrays import Floats
+from resilience.models.algebra import Labels
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 

@@ -42,7 +42,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Affine, Floats, Ints, Labels, scatter
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.components.base import Injection
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage

@@ -34,12 +34,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.models.algebra import Affine, Floats, Ints, Labels, scatter, stack
+from resilience.arrays import Bools, Floats, Ints
+from resilience.models.algebra import Affine, Labels, scatter, stack
 from resilience.models.components.base import Injection
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
-Bools = np.ndarray
 LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cones
 
 

@@ -26,8 +26,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.case.profiles import MAX_PU
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.algebra import Labels
 from resilience.models.components.base import Injection
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage

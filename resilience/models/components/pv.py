@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.arrays import Floats, Ints
+from resilience.models.algebra import Labels
 from resilience.models.components.base import Injection, inverter
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage

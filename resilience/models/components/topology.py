@@ -24,12 +24,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Labels, scatter
+from resilience.arrays import Bools, Floats
+from resilience.models.algebra import Labels, scatter
 from resilience.models.components.line import Lines
 from resilience.models.situation import Situation
 from resilience.models.stage import Stage
-
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

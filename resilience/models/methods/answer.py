@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.problem import Problem
 from resilience.models.referee import structure_violations
@@ -15,7 +15,6 @@ from resilience.models.standard import Standard, Vectors
 
 CLOSED = 1e-6  # scaled violation below which a relaxed structure counts as holding
 LATE = "the time limit ended the search; this is the best plan found"
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic

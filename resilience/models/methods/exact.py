@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from resilience.arrays import Bools
 from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.lower import lower
@@ -15,7 +16,6 @@ from resilience.models.methods.answer import (
     CLOSED,
     LATE,
     Answer,
-    Bools,
     Clock,
     Options,
     gap,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
@@ -16,7 +16,6 @@ from resilience.models.methods.answer import (
     CLOSED,
     LATE,
     Answer,
-    Bools,
     Clock,
     Options,
     fractional,

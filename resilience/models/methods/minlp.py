@@ -20,13 +20,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
 from resilience.models.methods.answer import (
     Answer,
-    Bools,
     Clock,
     Options,
     fractional,

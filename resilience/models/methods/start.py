@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from resilience.models.algebra import Ints
+from resilience.arrays import Bools, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered
-from resilience.models.network import Bools
 from resilience.models.problem import Problem
 from resilience.models.standard import Vectors
 

@@ -13,14 +13,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linprog
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.methods.answer import CLOSED, widest
 from resilience.models.problem import Problem
 from resilience.models.standard import Standard, Vectors
 
-Bools = np.ndarray
 WAYS: tuple[Discs, ...] = ("outer", "inner")
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Floats, Ints
 
 Array = Any
 SPARSE = 100_000  # entries of a matrix from which torch gets it sparse

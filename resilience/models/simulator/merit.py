@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array
-from resilience.models.simulator.order import TINY, Bools, Order
+from resilience.models.simulator.order import TINY, Order
 from resilience.models.simulator.plant import Plant
 
 SAME = 9  # decimals of $ per MW and step in which prices of one tier agree

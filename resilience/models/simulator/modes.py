@@ -6,13 +6,12 @@ from itertools import product
 
 import numpy as np
 
+from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats
 from resilience.models.simulator.plant import Plant
 
 MOST = 4  # connections for which both sides are tried, 2^4 ways
 TINY = 1e-12
-Bools = np.ndarray
 
 
 def modes(plant: Plant, prices: Floats) -> list[Bools]:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError, UsageError
-from resilience.models.algebra import Floats, Ints
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.microgrid import Microgrid

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.models.algebra import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array, Constant, Map
 from resilience.models.simulator.plant import Plant
 
 TINY = 1e-12  # MW
-Bools = np.ndarray
 
 
 @dataclass(frozen=True)

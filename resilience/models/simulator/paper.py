@@ -19,10 +19,9 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Bools, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Ints
 from resilience.models.simulator.arrays import Array
-from resilience.models.simulator.order import Bools
 from resilience.models.simulator.plant import Plant
 
 TIERS = ("pv.p", "grid.export", "grid.import", "generator.p", "load.shed")

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.algebra import Labels
 from resilience.models.form import Form
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, Constant, Map, Matrix, namespace

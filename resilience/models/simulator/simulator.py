@@ -20,8 +20,9 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.algebra import Floats, Ints, Labels
+from resilience.models.algebra import Labels
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, namespace
 from resilience.models.simulator.merit import fill, ranked

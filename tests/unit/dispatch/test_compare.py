@@ -12,6 +12,7 @@ import pytest
 from small import small
 
 import resilience as rs
+from resilience.arrays import Floats
 from resilience.dispatch.base import Observation, World, simulate
 from resilience.dispatch.clairvoyant import Replay, clairvoyant
 from resilience.dispatch.columns import AC_COLUMNS, COLUMNS
@@ -21,7 +22,6 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.fragility.bell import Bell
 from resilience.fragility.forecast import ForecastError, sample_outlook
 from resilience.fragility.outages import sample_bell
-from resilience.models.algebra import Floats
 from resilience.models.microgrid import microgrid
 
 LIKELY = np.array([0.75, 0.25])

@@ -7,6 +7,7 @@ import pytest
 from small import small
 
 import resilience as rs
+from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
@@ -18,7 +19,6 @@ from resilience.dispatch.stochastic import Stochastic
 from resilience.fragility.bell import Bell
 from resilience.fragility.outages import sample_bell
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.algebra import Floats, Ints
 from resilience.models.microgrid import microgrid
 from resilience.models.risk import Risk
 

@@ -13,6 +13,7 @@ import pytest
 from small import small
 
 import resilience as rs
+from resilience.arrays import Floats
 from resilience.dispatch import runs
 from resilience.dispatch.base import Observation, World, simulate
 from resilience.dispatch.engines import spread
@@ -23,7 +24,6 @@ from resilience.dispatch.store import Store, code
 from resilience.fragility.bell import Bell
 from resilience.fragility.forecast import ForecastError, sample_outlook
 from resilience.fragility.outages import sample_bell
-from resilience.models.algebra import Floats
 from resilience.models.microgrid import microgrid
 
 METHODS = ["rule", "mpc-blind"]

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from resilience.arrays import Floats
 from resilience.dispatch.sddp.chain import Chain, storm_chain
 from resilience.fragility.bell import Bell
 from resilience.fragility.outages import draw_day, outage_path
-from resilience.models.algebra import Floats
 
 PER_DAY = 96
 DRAWS = 6000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from resilience.arrays import Floats
 from resilience.fragility.conditional import Known
 from resilience.fragility.damage import Timing, accumulated, failed_by
 from resilience.fragility.lines import (
@@ -16,7 +17,6 @@ from resilience.fragility.lines import (
     span_speed,
 )
 from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Floats
 from resilience.fragility.storm_belief import StormBelief
 from resilience.fragility.storms import sample_storms
 

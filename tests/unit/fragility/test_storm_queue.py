@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from resilience.arrays import Bools
 from resilience.fragility.conditional import Known
 from resilience.fragility.damage import Timing
 from resilience.fragility.lines import SpanWind, poles_in_series
 from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Bools
 from resilience.fragility.storm_belief import StormBelief
 from resilience.fragility.storms import Sampling, sample_storms
 

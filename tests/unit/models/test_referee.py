@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from resilience.models.algebra import Floats
+from resilience.arrays import Floats
 from resilience.models.referee import audit, settle
 from resilience.models.stage import Stage
 from resilience.models.standard import Standard, Vectors

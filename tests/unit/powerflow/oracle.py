@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Network
-from resilience.models.algebra import Floats
 
 
 def oracle(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cyclones import cyclone
 
-from resilience.fragility.averaging import from_one_minute, to_one_minute
+from resilience.earth.averaging import from_one_minute, to_one_minute
 from resilience.fragility.tracks import AGENCIES, RADII, one_minute
 from resilience.fragility.wind import MODELS, wind
 

@@ -6,7 +6,7 @@ import numpy as np
 from cyclones import SPHERE
 from pyproj import Geod
 
-from resilience.fragility.sphere import legs, moved, seen_from
+from resilience.earth.sphere import legs, moved, seen_from
 
 RNG = np.random.default_rng(7)
 LAT, LON = np.degrees(np.arcsin(RNG.uniform(-1, 1, 300))), RNG.uniform(-180, 180, 300)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.fragility.scenarios import Floats
+from resilience.arrays import Floats
 
 if TYPE_CHECKING:
     from resilience.fragility.tracks.track import Track

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.fragility.averaging import KNOT_MPS, Agency, from_one_minute, to_one_minute
-from resilience.fragility.scenarios import Floats
-from resilience.fragility.sphere import legs
+from resilience.arrays import Floats
+from resilience.earth.averaging import KNOT_MPS, Agency, from_one_minute, to_one_minute
+from resilience.earth.sphere import legs
 
 FASTEST_KMH = 200.0
 FACTOR, ROOM_KT = 1.4, 15.0

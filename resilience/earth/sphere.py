@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resilience.fragility.scenarios import Floats
+from resilience.arrays import Floats
 
 RADIUS_M = 6_371_000.0
 NOTHING = 1e-20  # of a unit vector; smaller squares would underflow

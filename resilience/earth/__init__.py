@@ -1,0 +1,1 @@
+"""Facts of the earth that cases and storms share: distances, averaging times, plausible winds."""
