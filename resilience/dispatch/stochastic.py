@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Bools, Floats
 from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
@@ -67,7 +67,7 @@ class Stochastic:
             found[:, k] = program.decide(asked)
         return found
 
-    def _paths(self, seen: Observation, k: int) -> tuple[Floats, Floats]:
+    def _paths(self, seen: Observation, k: int) -> tuple[Bools, Floats]:
         """(lines of the case, steps, paths) status and (paths,) probability of different paths.
 
         Their number is one that a program is kept for: the last one may stand there more than once.
