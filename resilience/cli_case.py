@@ -46,7 +46,7 @@ def new(
 def check(case: given.CaseName) -> None:
     """Read a case and report every mistake in it at once, and what may not be meant."""
     from resilience import load_case
-    from resilience.case.remarks import remarks
+    from resilience.case.checks.remarks import remarks
 
     found = load_case(case)
     if found.storm is not None and found.storm.points:

@@ -15,7 +15,7 @@ from resilience.results import Plan, outage_texts
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.case.schema import DeviceTable
+    from resilience.case.schema.tables import DeviceTable
 
 SHOWN = 12  # names in a list before the rest is only counted
 GOOD = 1e-5  # scaled violation up to which a plan is called clean

@@ -107,7 +107,7 @@ def write_network(net: Any, path: Path) -> Any:
     """Write the network as a MATPOWER case, through the package's own reader; returns it."""
     import pandapower
 
-    from resilience.case.pandapower_net import feeder_from_json
+    from resilience.case.networks.pandapower_net import feeder_from_json
 
     with tempfile.TemporaryDirectory() as folder:
         pandapower.to_json(net, str(Path(folder) / "net.json"))

@@ -7,9 +7,9 @@ immutable `Case`, or reports every mistake in it at once.
 from resilience.case.data import Case, Outage
 from resilience.case.document import case_names
 from resilience.case.load import load_case
-from resilience.case.network import Network
+from resilience.case.networks.network import Network
 from resilience.case.outages import parse_outages
-from resilience.case.schema import (
+from resilience.case.schema.tables import (
     ESSTable,
     GeneratorTable,
     GridTable,

@@ -12,9 +12,9 @@ from typing import Any
 from resilience.case.cloud import bare_profile
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document
-from resilience.case.fields import Table
 from resilience.case.outages import outage_texts, parse_outages
-from resilience.case.schema import DEVICES, PVTable
+from resilience.case.schema.fields import Table
+from resilience.case.schema.tables import DEVICES, PVTable
 from resilience.case.window import Window
 from resilience.errors import UsageError
 

@@ -16,9 +16,9 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.parts import Parts
-from resilience.case.schema import PVTable
-from resilience.case.storm_tables import StormTable
+from resilience.case.checks.parts import Parts
+from resilience.case.schema.storm import StormTable
+from resilience.case.schema.tables import PVTable
 from resilience.case.window import Window
 
 EARTH_KM = 6371.0

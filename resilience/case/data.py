@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.network import Network
-from resilience.case.schema import (
+from resilience.case.networks.network import Network
+from resilience.case.schema.storm import GeographyTable, StormTable
+from resilience.case.schema.tables import (
     DEVICES,
     ESSTable,
     GeneratorTable,
@@ -22,7 +23,6 @@ from resilience.case.schema import (
     OutageTable,
     PVTable,
 )
-from resilience.case.storm_tables import GeographyTable, StormTable
 from resilience.case.window import Window
 from resilience.errors import UsageError
 

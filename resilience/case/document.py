@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from resilience.case.network import did_you_mean
+from resilience.case.networks.network import did_you_mean
 from resilience.errors import Problem, UsageError
 
 KEYED = ("load", "pv", "ess", "generator", "grid", "line")

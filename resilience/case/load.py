@@ -8,19 +8,21 @@ from dataclasses import replace
 from typing import Any
 
 from resilience.arrays import Floats
-from resilience.case.checks import check_parts
+from resilience.case.checks.geography import check_geography
+from resilience.case.checks.parts import Parts
+from resilience.case.checks.reserve import check_reserve
+from resilience.case.checks.storm import check_storm
+from resilience.case.checks.whole import check_parts
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document, find_case, read_document
-from resilience.case.feeder import FeederError, finish_network, read_feeder
-from resilience.case.geography import check_geography
-from resilience.case.inline import read_inline
-from resilience.case.network import did_you_mean
+from resilience.case.networks.feeder import FeederError, finish_network, read_feeder
+from resilience.case.networks.inline import read_inline
+from resilience.case.networks.network import did_you_mean
 from resilience.case.outages import place_outages, split_specs
-from resilience.case.parts import Parts
 from resilience.case.profiles import read_profiles
-from resilience.case.reserve import check_reserve
-from resilience.case.schema import (
+from resilience.case.schema.storm import GeographyTable, StormTable
+from resilience.case.schema.tables import (
     DEVICES,
     CaseTable,
     DefaultsTable,
@@ -31,8 +33,6 @@ from resilience.case.schema import (
     ProfilesTable,
     TimeTable,
 )
-from resilience.case.storm_checks import check_storm
-from resilience.case.storm_tables import GeographyTable, StormTable
 from resilience.case.tables import read_list, read_table, show, unknown_key
 from resilience.case.tariff import tariff_profiles
 from resilience.case.window import Window

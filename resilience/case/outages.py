@@ -14,7 +14,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from resilience.case.network import Network
+from resilience.case.networks.network import Network
 from resilience.case.window import Window
 from resilience.errors import CaseError, Problem, UsageError
 

@@ -9,9 +9,9 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from resilience.case.document import Document, entry_name
-from resilience.case.fields import Table
-from resilience.case.network import did_you_mean
-from resilience.case.schema import DEVICES
+from resilience.case.networks.network import did_you_mean
+from resilience.case.schema.fields import Table
+from resilience.case.schema.tables import DEVICES
 
 T = TypeVar("T", bound=Table)
 Where = tuple[str, ...]

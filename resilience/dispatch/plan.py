@@ -11,7 +11,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
-from resilience.case.schema import DeviceTable
+from resilience.case.schema.tables import DeviceTable
 from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
 from resilience.fragility.outages import outages_from

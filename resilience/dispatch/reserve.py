@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.reserve import reserve_price_range
+from resilience.case.checks.reserve import reserve_price_range
 from resilience.dispatch.base import Forecast
 from resilience.models.microgrid import Microgrid
 from resilience.models.situation import Situation

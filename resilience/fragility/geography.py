@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.geography import findings
-from resilience.case.storm_tables import GeographyTable
+from resilience.case.checks.geography import findings
+from resilience.case.schema.storm import GeographyTable
 from resilience.errors import CaseError, Problem
 
 if TYPE_CHECKING:

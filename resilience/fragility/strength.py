@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case.network import did_you_mean
-from resilience.case.schema import LineTable
-from resilience.case.storm_tables import CurveTable, StormTable
+from resilience.case.networks.network import did_you_mean
+from resilience.case.schema.storm import CurveTable, StormTable
+from resilience.case.schema.tables import LineTable
 from resilience.case.tables import show
 from resilience.errors import CaseError, Problem, UsageError
 from resilience.fragility.curves import CURVES, Curve, measure

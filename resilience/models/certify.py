@@ -20,7 +20,7 @@ from resilience.models.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.case.schema import DeviceTable, ESSTable, GeneratorTable, GridTable
+    from resilience.case.schema.tables import DeviceTable, ESSTable, GeneratorTable, GridTable
     from resilience.results import Plan
 
 TOLERANCE = 1e-6  # pu, MVA or MW beyond a limit that count as none
@@ -233,7 +233,7 @@ def _forming(case: Case) -> list[GridTable | GeneratorTable | ESSTable]:
 
 def _range(unit: GridTable | GeneratorTable | ESSTable) -> tuple[float, float]:
     """Least and greatest power that a unit can feed in, MW."""
-    from resilience.case.schema import ESSTable, GridTable
+    from resilience.case.schema.tables import ESSTable, GridTable
 
     if isinstance(unit, GridTable):
         return -unit.export_max_mw, unit.import_max_mw

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.network import did_you_mean
+from resilience.case.networks.network import did_you_mean
 from resilience.dispatch.comparison import Compared, day_spans
 from resilience.errors import UsageError
 from resilience.plots.storm_data import Deed, Feeder, deed, feeder, load_groups

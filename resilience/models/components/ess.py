@@ -36,7 +36,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 if TYPE_CHECKING:
-    from resilience.case.schema import ESSTable
+    from resilience.case.schema.tables import ESSTable
 
 
 @dataclass(frozen=True)

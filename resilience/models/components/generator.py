@@ -49,7 +49,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 if TYPE_CHECKING:
-    from resilience.case.schema import GeneratorTable
+    from resilience.case.schema.tables import GeneratorTable
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 if TYPE_CHECKING:
-    from resilience.case.schema import GridTable
+    from resilience.case.schema.tables import GridTable
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 if TYPE_CHECKING:
-    from resilience.case.schema import LoadTable
+    from resilience.case.schema.tables import LoadTable
 
 
 @dataclass(frozen=True)

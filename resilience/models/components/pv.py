@@ -26,7 +26,7 @@ from resilience.models.situation import Situation
 from resilience.models.stage import Stage
 
 if TYPE_CHECKING:
-    from resilience.case.schema import PVTable
+    from resilience.case.schema.tables import PVTable
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import pytest
 from small import small
 
 import resilience as rs
-from resilience.case.remarks import remarks
+from resilience.case.checks.remarks import remarks
 
 
 def test_a_forming_unit_without_reactive_power_is_named() -> None:

@@ -9,9 +9,9 @@ from valid import VALID
 
 import resilience as rs
 from resilience.case import case_text, load_case
-from resilience.case.geography import findings
-from resilience.case.schema import LineTable
-from resilience.case.storm_tables import CurveTable, GeographyTable, StormTable
+from resilience.case.checks.geography import findings
+from resilience.case.schema.storm import CurveTable, GeographyTable, StormTable
+from resilience.case.schema.tables import LineTable
 from resilience.errors import CaseError, Problem
 from resilience.fragility.chain import case_track, storm
 

@@ -10,8 +10,8 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case
-from resilience.case.geography import findings
-from resilience.case.storm_tables import GeographyTable
+from resilience.case.checks.geography import findings
+from resilience.case.schema.storm import GeographyTable
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.chain import case_track, storm
 from resilience.fragility.tracks import Track

@@ -6,11 +6,11 @@ from collections import defaultdict
 
 import numpy as np
 
+from resilience.case.checks.parts import Parts
+from resilience.case.checks.rules import broken_rules
+from resilience.case.checks.units import check_units
 from resilience.case.document import entry_name
-from resilience.case.network import Network
-from resilience.case.parts import Parts
-from resilience.case.plausible import check_units
-from resilience.case.rules import broken_rules
+from resilience.case.networks.network import Network
 from resilience.case.tables import show
 from resilience.case.tariff import wrong_tariff
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from resilience.case.document import Document
-from resilience.case.inline import Inline
-from resilience.case.network import Network
-from resilience.case.schema import LineTable
-from resilience.case.storm_tables import GeographyTable, StormTable
+from resilience.case.networks.inline import Inline
+from resilience.case.networks.network import Network
+from resilience.case.schema.storm import GeographyTable, StormTable
+from resilience.case.schema.tables import LineTable
 from resilience.case.window import Window
 
 

@@ -6,8 +6,8 @@ import math
 from statistics import median
 from typing import Any
 
-from resilience.case.network import Network
-from resilience.case.parts import Parts
+from resilience.case.checks.parts import Parts
+from resilience.case.networks.network import Network
 
 _POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
 _MAX_CURRENT_KA = 10.0

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from resilience.case.fields import (
+from resilience.case.schema.fields import (
     Efficiency,
     Loose,
     Name,
@@ -20,7 +20,7 @@ from resilience.case.fields import (
     Share,
     Table,
 )
-from resilience.case.storm_tables import GeographyTable, StormTable
+from resilience.case.schema.storm import GeographyTable, StormTable
 
 
 class BusTable(Table):

@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from resilience.case.feeder import (
+from resilience.case.networks.feeder import (
     Branch,
     Feeder,
     FeederError,
@@ -26,7 +26,7 @@ from resilience.case.feeder import (
     make_network,
     unique_names,
 )
-from resilience.case.network import did_you_mean
+from resilience.case.networks.network import did_you_mean
 
 Row = dict[str, Any]
 Tables = dict[str, list[Row]]

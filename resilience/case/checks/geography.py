@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from resilience.case.network import Network
-from resilience.case.parts import Parts
-from resilience.case.storm_tables import GeographyTable
+from resilience.case.checks.parts import Parts
+from resilience.case.networks.network import Network
+from resilience.case.schema.storm import GeographyTable
 from resilience.case.tables import show
 
 Finding = tuple[str, str, str, str]

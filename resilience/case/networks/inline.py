@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from resilience.case.document import Document
-from resilience.case.network import did_you_mean
-from resilience.case.schema import BranchTable, BusTable
+from resilience.case.networks.network import did_you_mean
+from resilience.case.schema.tables import BranchTable, BusTable
 from resilience.case.tables import read_list, show
 
 _BUS, _LINE = ("network", "bus"), ("network", "line")

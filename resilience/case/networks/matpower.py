@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.feeder import (
+from resilience.case.networks.feeder import (
     Branch,
     Feeder,
     FeederError,

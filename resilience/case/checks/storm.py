@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.parts import Parts
-from resilience.case.storm_tables import StormTable
+from resilience.case.checks.parts import Parts
+from resilience.case.schema.storm import StormTable
 from resilience.case.tables import show
 from resilience.earth.averaging import KNOT_MPS, NAMELESS
 from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong

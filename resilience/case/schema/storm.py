@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from resilience.case.fields import Loose, Name, NonNegative, Positive, Share, Table
+from resilience.case.schema.fields import Loose, Name, NonNegative, Positive, Share, Table
 
 Point = Annotated[tuple[datetime, float, float, Loose, Loose], Field(strict=False)]
 

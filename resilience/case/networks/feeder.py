@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from resilience.case.network import Network
-from resilience.case.schema import LineTable, NetworkTable
+from resilience.case.networks.network import Network
+from resilience.case.schema.tables import LineTable, NetworkTable
 
 
 class FeederError(Exception):
@@ -106,7 +106,7 @@ def read_feeder(table: NetworkTable) -> Feeder:
             'for example pandapower = "case33bw"',
         )
     if table.pandapower:
-        from resilience.case.pandapower_net import feeder_by_name
+        from resilience.case.networks.pandapower_net import feeder_by_name
 
         return feeder_by_name(table.pandapower)
     if table.file:
@@ -122,11 +122,11 @@ def read_feeder(table: NetworkTable) -> Feeder:
 @lru_cache(maxsize=16)
 def _read_file(path: Path, _mtime: int) -> Feeder:
     if path.suffix == ".json":
-        from resilience.case.pandapower_net import feeder_from_json
+        from resilience.case.networks.pandapower_net import feeder_from_json
 
         return feeder_from_json(path)
     if path.suffix == ".m":
-        from resilience.case.matpower import feeder_from_matpower
+        from resilience.case.networks.matpower import feeder_from_matpower
 
         return feeder_from_matpower(path)
     raise FeederError(
