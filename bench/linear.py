@@ -12,8 +12,8 @@ from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.backends.pyomo import Pyomo
-from resilience.models.problem import Problem, horizon
-from resilience.models.standard import Standard, Values
+from resilience.models.case_program import Problem, horizon
+from resilience.models.program.standard import Standard, Values
 
 WINDOW = 8
 AGREEMENT = 1e-6

@@ -18,8 +18,8 @@ from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
-from resilience.models.problem import horizon
-from resilience.models.standard import Vectors
+from resilience.models.case_program import horizon
+from resilience.models.program.standard import Vectors
 
 ROOT = Path(__file__).parents[1]
 LIMIT_S, GRACE_S = 60, 3

@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.row import Row, ratio, timed
 from resilience.case import Network, load_case
-from resilience.models.powerflow import Flow, flow
+from resilience.models.network.powerflow import Flow, flow
 
 BATCH, SINGLE, ROUNDS = 4096, 10, 5
 HEADS = {"2-19": "19", "3-23": "23", "6-26": "26"}  # breakpoint: root of the island behind it

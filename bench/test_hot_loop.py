@@ -10,7 +10,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from bench.linear import WINDOW, build, relaxed, windows
 from resilience.case import load_case
 from resilience.models.backends.highs import Highs
-from resilience.models.problem import horizon
+from resilience.models.case_program import horizon
 
 
 def test_build_of_96_slots(benchmark: BenchmarkFixture) -> None:

@@ -173,8 +173,8 @@ def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ..
 
 def _islands(case: Case) -> list[str]:
     """What the outages of the case cut the feeder into at worst."""
+    from resilience.models.case_program import status
     from resilience.models.microgrid import microgrid
-    from resilience.models.problem import status
 
     if not case.outages:
         return []

@@ -12,9 +12,9 @@ from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.models.backends.highs import Highs
+from resilience.models.case_program import Problem, horizon
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
-from resilience.models.referee import audit, settle
+from resilience.models.program.referee import audit, settle
 
 Z_BASE = 100.0  # ohm at 10 kV on a base of 1 MVA
 Device = Mapping[str, Any]

@@ -17,8 +17,8 @@ from resilience.errors import UsageError
 from resilience.fragility.forecast import Outlook
 from resilience.fragility.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
+from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
-from resilience.models.situation import Situation
 
 __all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
 Stepper = Simulator | NetworkSimulator

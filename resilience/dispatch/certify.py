@@ -16,7 +16,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.dispatch.measures import demand
-from resilience.models.certify import TOLERANCE, Carried, carry
+from resilience.models.network.ac_check import TOLERANCE, Carried, carry
 
 if TYPE_CHECKING:
     from resilience.dispatch.base import World

@@ -17,8 +17,8 @@ from resilience.dispatch.aggregate import Aggregate, aggregate
 from resilience.dispatch.base import Observation, World
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.unroll import unroll
 
 STEEPEST = {"simplex_dual_edge_weight_strategy": -1}  # of a long horizon: half the time of Devex
 

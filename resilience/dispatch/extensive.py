@@ -15,8 +15,8 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.methods.answer import gap
 from resilience.models.methods.explain import grouped
+from resilience.models.program.standard import Standard, Vectors
 from resilience.models.risk import RiskAverse, node_prices
-from resilience.models.standard import Standard, Vectors
 from resilience.progress import phase
 
 SHOWN = 6  # names of conflicting rows in an error

@@ -18,8 +18,8 @@ from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.backends.plain import Plain
+from resilience.models.program.standard import Vectors, reach
 from resilience.models.risk import node_prices
-from resilience.models.standard import Vectors, reach
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from resilience.dispatch.extensive import own_columns
 from resilience.dispatch.lshaped import Solved
 from resilience.dispatch.plan import tabulate
 from resilience.dispatch.storms import StormProgram
-from resilience.models.problem import Problem
-from resilience.models.referee import audit, settle
-from resilience.models.standard import Standard
+from resilience.models.case_program import Problem
+from resilience.models.program.referee import audit, settle
+from resilience.models.program.standard import Standard
 from resilience.results import Table
 
 

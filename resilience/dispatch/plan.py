@@ -15,13 +15,13 @@ from resilience.case.schema.tables import DeviceTable
 from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
 from resilience.fragility.outages import outages_from
+from resilience.models.case_program import Problem, as_switched, horizon
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, as_switched, horizon
-from resilience.models.referee import audit, settle
+from resilience.models.network.situation import Situation
+from resilience.models.program.referee import audit, settle
 from resilience.models.replay import per_slot, variables
-from resilience.models.situation import Situation
 from resilience.progress import phase, stopwatch
 from resilience.results import Plan, Table, outage_texts, replacing_file
 

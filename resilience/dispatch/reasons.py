@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.problem import Problem, as_switched
+from resilience.models.case_program import Problem, as_switched
 
 NEAR = 1e-4
 

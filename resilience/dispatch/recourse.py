@@ -23,9 +23,9 @@ from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
-from resilience.models.certificate import safe_cut
 from resilience.models.methods.explain import grouped
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.dual_bound import safe_cut
+from resilience.models.program.standard import Standard, Vectors
 
 PARTS = 4  # solvers side by side, whatever the number of workers
 CHAINS_OF_A_PART = 16  # fewer are not worth a cold start

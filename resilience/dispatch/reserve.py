@@ -28,9 +28,9 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.reserve import reserve_price_range
 from resilience.dispatch.base import Forecast
+from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -22,10 +22,10 @@ from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.language.tree import Tree
+from resilience.models.program.standard import Vectors
+from resilience.models.program.unroll import unroll
 from resilience.models.risk import Risk, RiskAverse
-from resilience.models.standard import Vectors
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
 
 MEAN = Risk()
 POWERS = ("MW", "Mvar")  # units of data that shrink with the part of a step that is left

@@ -17,7 +17,7 @@ from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.backends.base import Status
 from resilience.models.methods.answer import CLOSED, Clock, gap, remains, sides, violated, widest
-from resilience.models.standard import Standard
+from resilience.models.program.standard import Standard
 from resilience.progress import phase
 
 FEW_STORMS = 50

@@ -19,12 +19,12 @@ from resilience.errors import UsageError
 from resilience.fragility.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.case_program import Problem
+from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics, microgrid
-from resilience.models.problem import Problem
+from resilience.models.program.standard import Standard
+from resilience.models.program.unroll import unroll
 from resilience.models.risk import Risk
-from resilience.models.standard import Standard
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from resilience.errors import UsageError
 from resilience.models import components as parts
 from resilience.models.algebra import Affine, stack
 from resilience.models.components import Component, Injection
-from resilience.models.islands import Islands
-from resilience.models.network import bundle, closable, cycle, exchange, merge
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.graph import bundle, closable, cycle, exchange, merge
+from resilience.models.network.islands import Islands
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network

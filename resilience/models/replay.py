@@ -22,12 +22,12 @@ import scipy.sparse as sp
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
-from resilience.models.form import Form
+from resilience.models.case_program import Problem, horizon
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
-from resilience.models.referee import Audit, audit
-from resilience.models.standard import Standard
-from resilience.models.unroll import unroll
+from resilience.models.program.form import Form
+from resilience.models.program.referee import Audit, audit
+from resilience.models.program.standard import Standard
+from resilience.models.program.unroll import unroll
 
 if TYPE_CHECKING:
     from resilience.results import Plan

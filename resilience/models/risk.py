@@ -21,9 +21,9 @@ from resilience.errors import UsageError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered
-from resilience.models.certificate import safe_bound
-from resilience.models.standard import Standard, Values, Vectors
-from resilience.models.tree import Tree
+from resilience.models.language.tree import Tree
+from resilience.models.program.dual_bound import safe_bound
+from resilience.models.program.standard import Standard, Values, Vectors
 
 FORM = "cvar:ALPHA:WEIGHT"
 

@@ -7,7 +7,7 @@ import numpy as np
 from resilience.arrays import Ints
 from resilience.case.schema.tables import ESSTable, GeneratorTable, GridTable, LoadTable, PVTable
 from resilience.models import components as parts
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
 
 
 def showcase() -> Stage:

@@ -15,8 +15,8 @@ from resilience.case import Case, Network
 from resilience.dispatch.base import Trajectory
 from resilience.fragility.bell import REFERENCE_MIN
 from resilience.fragility.scenarios import Scenarios
-from resilience.models.network import closable, merge
-from resilience.models.situation import Situation
+from resilience.models.network.graph import closable, merge
+from resilience.models.network.situation import Situation
 
 GROUPS = 6  # of loads that are shed; what else is shed is one more
 LETTERS = 12  # of the name of a zone, unless the first of its buses has more

@@ -17,9 +17,9 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
-from resilience.models.referee import audit, settle
-from resilience.models.stage import Stage
-from resilience.models.standard import Standard
+from resilience.models.language.stage import Stage
+from resilience.models.program.referee import audit, settle
+from resilience.models.program.standard import Standard
 
 BACKENDS: dict[str, Callable[[Standard], Any]] = {
     "highs": lambda problem: Highs(problem, gap=0.0),

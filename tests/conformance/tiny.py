@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from resilience.models.stage import Stage
-from resilience.models.standard import Standard
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
+from resilience.models.program.standard import Standard
+from resilience.models.program.unroll import unroll
 
 Values = Mapping[str, Any]
 

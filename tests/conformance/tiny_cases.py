@@ -9,8 +9,8 @@ from small import small
 from tiny import Tiny, tiny
 
 from resilience.case import Case
+from resilience.models.case_program import horizon
 from resilience.models.microgrid import Physics
-from resilience.models.problem import horizon
 
 
 def of_case(

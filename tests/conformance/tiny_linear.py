@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from tiny import Tiny, one_node, tiny
 
-from resilience.models.stage import Stage
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.unroll import unroll
 
 
 @tiny

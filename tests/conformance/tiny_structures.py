@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from tiny import Tiny, one_node, tiny
 
-from resilience.models.stage import Stage
-from resilience.models.standard import Standard
+from resilience.models.language.stage import Stage
+from resilience.models.program.standard import Standard
 
 
 @tiny

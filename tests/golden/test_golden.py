@@ -17,11 +17,11 @@ from small import small
 from resilience.case import Case
 from resilience.models.algebra import scatter
 from resilience.models.backends.pyomo import Pyomo
+from resilience.models.case_program import status
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, Physics, microgrid
-from resilience.models.problem import status
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.program.unroll import unroll
 
 HERE = Path(__file__).parent
 LOAD = {"p_max_mw": 2.0, "profile": "day", "power_factor": 0.8, "shed_cost_per_mwh": 10.0}

@@ -13,10 +13,10 @@ from resilience.dispatch.sddp.training import Engine
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, microgrid
-from resilience.models.standard import Standard
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.program.standard import Standard
+from resilience.models.program.unroll import unroll
 
 SLOTS = 3
 NOISE = (np.array([0.3, 0.7]), np.array([1.3, 0.8]))  # probability, factor on demand

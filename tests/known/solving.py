@@ -8,10 +8,10 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
+from resilience.models.case_program import Problem, horizon
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
-from resilience.models.referee import audit, settle
+from resilience.models.program.referee import audit, settle
 
 CLOSE = 1e-6
 

@@ -8,8 +8,8 @@ from small import small
 from solving import solved
 
 from resilience.case import Case, load_case
+from resilience.models.case_program import horizon
 from resilience.models.methods.conic import completed, relaxation
-from resilience.models.problem import horizon
 
 CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 

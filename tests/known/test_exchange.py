@@ -9,7 +9,7 @@ from solving import solved
 
 from resilience.case import Case, load_case
 from resilience.models.microgrid import MARGIN
-from resilience.models.network import exchange
+from resilience.models.network.graph import exchange
 
 
 def random_case(rng: np.random.Generator, ring: bool) -> Case:

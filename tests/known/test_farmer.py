@@ -11,9 +11,9 @@ from scipy.optimize import linprog
 from resilience.dispatch.extensive import extensive
 from resilience.dispatch.lshaped import Options, Solved, lshaped
 from resilience.dispatch.twostage import TwoStage
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
 from resilience.models.risk import Risk
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
 
 Solve = Callable[[TwoStage, Options], Solved]
 CROPS = ("wheat", "corn", "beets")

@@ -9,7 +9,7 @@ from solving import solved
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.errors import InfeasibleError, UsageError
-from resilience.models.problem import horizon
+from resilience.models.case_program import horizon
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 1.0}
 

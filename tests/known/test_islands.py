@@ -8,11 +8,11 @@ from small import small
 from solving import Solved, power, solved
 
 from resilience.case import Case, load_case
+from resilience.models.case_program import Problem, status, terminal_cuts
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, microgrid
-from resilience.models.network import closable
-from resilience.models.problem import Problem, status, terminal_cuts
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.network.graph import closable
+from resilience.models.program.unroll import unroll
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}

@@ -10,8 +10,8 @@ from small import small
 from solving import Solved, solved
 
 from resilience.case import Case
+from resilience.models.case_program import horizon
 from resilience.models.methods.start import mended
-from resilience.models.problem import horizon
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}

@@ -16,12 +16,12 @@ from resilience.models.backends.base import Solution
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
-from resilience.models.certificate import cone_share, safe_bound
+from resilience.models.case_program import Problem, horizon
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.program.dual_bound import cone_share, safe_bound
+from resilience.models.program.unroll import unroll
 
 
 @cache

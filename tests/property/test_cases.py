@@ -16,9 +16,9 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
+from resilience.models.case_program import Problem, horizon
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem, horizon
-from resilience.models.referee import audit, settle
+from resilience.models.program.referee import audit, settle
 
 TOLERANCE = 1e-5
 FLAT: tuple[Physics, ...] = ("copperplate", "lindistflow")

@@ -16,11 +16,11 @@ from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import microgrid
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator, Step
-from resilience.models.standard import Standard, Vectors
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
 
 MEMBERS = 6
 LOADS = {"p_max_mw": number(0.1, 1.5), "shed_cost_per_mwh": number(2, 9)}

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_cases import quick
 
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
+from resilience.models.program.unroll import unroll
 
 STATES, OTHERS, ROWS = 2, 3, 4
 

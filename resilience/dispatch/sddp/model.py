@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
 
 
 @dataclass(frozen=True)

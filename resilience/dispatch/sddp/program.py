@@ -13,9 +13,9 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import Outcomes
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
+from resilience.models.program.unroll import unroll
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.standard import Standard, Vectors, reach
+from resilience.models.program.standard import Standard, Vectors, reach
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
 

@@ -18,7 +18,7 @@ import numpy as np
 from resilience.arrays import Ints
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.standard import Standard, Vectors
 
 ALGORITHM = "B-BB"  # the others linearise, and cut off points where a cone is an equality
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, LeafCuts, Solution, crossed
-from resilience.models.referee import row_violations, structure_violations
-from resilience.models.standard import Standard, Unrolled, Vectors
+from resilience.models.program.referee import row_violations, structure_violations
+from resilience.models.program.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-8
 COMPLEMENTARITY = 1e-7  # with Ipopt's own 1e-4 a warm start may stop 4e-5 above the optimum

@@ -20,8 +20,8 @@ from resilience.models.backends.base import (
     Status,
     crossed,
 )
-from resilience.models.certificate import cone_rows, cone_share, safe_bound
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.dual_bound import cone_rows, cone_share, safe_bound
+from resilience.models.program.standard import Standard, Vectors
 
 
 class Conic:

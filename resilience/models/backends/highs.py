@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from resilience.arrays import Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
 from resilience.models.backends.lower import Lowered, lower
-from resilience.models.certificate import safe_bound
-from resilience.models.referee import row_violations
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.dual_bound import safe_bound
+from resilience.models.program.referee import row_violations
+from resilience.models.program.standard import Standard, Vectors
 
 ROWWISE = int(highspy.MatrixFormat.kRowwise)
 MINIMIZE = int(highspy.ObjSense.kMinimize)

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Unrolled, Vectors
 
 SIDES = 12  # even: opposite sides share a row
 Discs = Literal["inner", "outer"]

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE
-from resilience.models.certificate import safe_bound
-from resilience.models.standard import Vectors
+from resilience.models.program.dual_bound import safe_bound
+from resilience.models.program.standard import Vectors
 
 
 class Plain:

@@ -12,7 +12,7 @@ from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, LeafCuts, Solution
 from resilience.models.backends.lower import Lowered, lower
-from resilience.models.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Unrolled, Vectors
 
 Cones = Literal["equal", "relaxed"]
 FORMATS = {".lp": "lp", ".mps": "mps", ".nl": "nl"}

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, Labels, scatter
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 
 @dataclass(frozen=True)

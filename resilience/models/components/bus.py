@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 from resilience.arrays import Floats
 from resilience.models.algebra import Labels
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Labels
 from resilience.models.components.base import Injection, inverter
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case.schema.tables import ESSTable

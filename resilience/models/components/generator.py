@@ -45,8 +45,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.components.base import Injection
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case.schema.tables import GeneratorTable

@@ -37,8 +37,8 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels, scatter, stack
 from resilience.models.components.base import Injection
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cones
 

@@ -30,8 +30,8 @@ from resilience.arrays import Floats, Ints
 from resilience.case.profiles import MAX_PU
 from resilience.models.algebra import Labels
 from resilience.models.components.base import Injection
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case.schema.tables import LoadTable

@@ -27,8 +27,8 @@ import scipy.sparse as sp
 from resilience.arrays import Bools, Floats
 from resilience.models.algebra import Labels, scatter
 from resilience.models.components.line import Lines
-from resilience.models.situation import Situation
-from resilience.models.stage import Stage
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
 
 
 @dataclass(frozen=True)

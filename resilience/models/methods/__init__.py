@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import Answer, Options
 from resilience.models.methods.conic import nlp, socp
 from resilience.models.methods.exact import exact
 from resilience.models.methods.linear import lp, milp
 from resilience.models.methods.minlp import minlp
 from resilience.models.microgrid import Physics
-from resilience.models.problem import Problem
 
 Method = Callable[[Problem, Options], Answer]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
-from resilience.models.problem import Problem
-from resilience.models.referee import structure_violations
-from resilience.models.standard import Standard, Vectors
+from resilience.models.case_program import Problem
+from resilience.models.program.referee import structure_violations
+from resilience.models.program.standard import Standard, Vectors
 
 CLOSED = 1e-6  # scaled violation below which a relaxed structure counts as holding
 LATE = "the time limit ended the search; this is the best plan found"

@@ -6,6 +6,7 @@ from resilience.arrays import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import (
     CLOSED,
     Answer,
@@ -17,8 +18,7 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import LEAST
-from resilience.models.problem import Problem
-from resilience.models.standard import Vectors
+from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed

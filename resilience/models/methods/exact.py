@@ -12,6 +12,7 @@ from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import (
     CLOSED,
     LATE,
@@ -26,7 +27,6 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import completed, relaxation
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.problem import Problem
 from resilience.progress import phase
 
 PROOF = 1e-5  # relative gap that counts as proven; SCIP's own tolerances are not far below

@@ -10,8 +10,8 @@ from resilience.errors import InfeasibleError, ResilienceError, SolverError
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.case_program import Problem, horizon
 from resilience.models.methods.answer import Options
-from resilience.models.problem import Problem, horizon
 
 PHYSICAL = ("balance.p", "balance.q", "line.voltage")
 SECONDS = 10.0  # for each of the two searches

@@ -12,6 +12,7 @@ from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import (
     CLOSED,
     LATE,
@@ -28,9 +29,8 @@ from resilience.models.methods.answer import (
 from resilience.models.methods.explain import conflict, infeasible, no_plan
 from resilience.models.methods.start import any_point, mended, switches
 from resilience.models.methods.tidy import tidied
-from resilience.models.problem import Problem
-from resilience.models.referee import structure_violations
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.referee import structure_violations
+from resilience.models.program.standard import Standard, Vectors
 from resilience.progress import phase
 
 Rows = tuple[sp.csr_array, Floats]

@@ -24,6 +24,7 @@ from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import (
     Answer,
     Clock,
@@ -37,8 +38,7 @@ from resilience.models.methods.answer import (
 from resilience.models.methods.conic import completed, relaxation, root
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
-from resilience.models.problem import Problem
-from resilience.models.standard import Vectors
+from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 
 ROUNDS = 20

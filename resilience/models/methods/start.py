@@ -10,8 +10,8 @@ from resilience.arrays import Bools, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered
-from resilience.models.problem import Problem
-from resilience.models.standard import Vectors
+from resilience.models.case_program import Problem
+from resilience.models.program.standard import Vectors
 
 LEAST = 5.0  # s that a method takes when time is up and it has nothing to show
 FIRST = 0.2  # relative gap at which that search stops

@@ -16,9 +16,9 @@ from scipy.optimize import linprog
 from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.lower import Discs, lower
+from resilience.models.case_program import Problem
 from resilience.models.methods.answer import CLOSED, widest
-from resilience.models.problem import Problem
-from resilience.models.standard import Standard, Vectors
+from resilience.models.program.standard import Standard, Vectors
 
 WAYS: tuple[Discs, ...] = ("outer", "inner")
 

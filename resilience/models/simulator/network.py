@@ -18,15 +18,15 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError, UsageError
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
+from resilience.models.program.standard import Vectors
+from resilience.models.program.unroll import unroll
 from resilience.models.simulator.arrays import NumPy, namespace
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.plant import STATE, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
-from resilience.models.standard import Vectors
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
 
 FOLLOW = 1e3  # times the largest price: what a MW of the order is worth
 TAKE = 30.0  # times that: what a MW that must be taken is worth

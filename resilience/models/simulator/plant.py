@@ -18,10 +18,10 @@ import scipy.sparse as sp
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
-from resilience.models.form import Form
 from resilience.models.microgrid import Microgrid
+from resilience.models.network.situation import Situation
+from resilience.models.program.form import Form
 from resilience.models.simulator.arrays import Array, Constant, Map, Matrix, namespace
-from resilience.models.situation import Situation
 
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")

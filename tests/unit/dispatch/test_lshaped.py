@@ -10,9 +10,9 @@ from resilience.dispatch.lshaped import Options, lshaped
 from resilience.dispatch.recourse import Recourse
 from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Cut, Tree
 from resilience.models.risk import Risk
-from resilience.models.stage import Stage
-from resilience.models.tree import Cut, Tree
 
 STATES = ("a", "b")
 TIGHT = Options(gap=1e-9)

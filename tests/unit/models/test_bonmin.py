@@ -10,8 +10,8 @@ import pytest
 from small import small
 
 from resilience.models.backends import bonmin
+from resilience.models.case_program import Problem, horizon
 from resilience.models.methods import METHODS, Options
-from resilience.models.problem import Problem, horizon
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.models import islands as module
-from resilience.models.islands import Islands
 from resilience.models.microgrid import microgrid
+from resilience.models.network import islands as module
+from resilience.models.network.islands import Islands
 
 
 def agree(table: Islands, up: np.ndarray) -> None:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from small import small
 
-from resilience.models.problem import Problem, horizon
-from resilience.models.stage import Stage
-from resilience.models.standard import Standard
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.case_program import Problem, horizon
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.standard import Standard
+from resilience.models.program.unroll import unroll
 
 
 @pytest.fixture(scope="module")

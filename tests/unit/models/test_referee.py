@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Floats
-from resilience.models.referee import audit, settle
-from resilience.models.stage import Stage
-from resilience.models.standard import Standard, Vectors
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.referee import audit, settle
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.unroll import unroll
 
 SLOTS = ["t0", "t1", "t2"]
 

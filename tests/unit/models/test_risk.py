@@ -7,10 +7,10 @@ import pytest
 
 from resilience.dispatch.statistics import conditional_value_at_risk
 from resilience.errors import UsageError
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
+from resilience.models.program.unroll import unroll
 from resilience.models.risk import Risk, RiskAverse, node_prices
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.75, 0.95])

@@ -6,7 +6,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from resilience.models.situation import Situation
+from resilience.models.network.situation import Situation
 
 
 def situation(buses: int, ends: np.ndarray, up: np.ndarray, forming: np.ndarray) -> Situation:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from resilience.models.stage import Stage
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
+from resilience.models.language.stage import Stage
+from resilience.models.language.tree import Tree
+from resilience.models.program.unroll import unroll
 
 
 def twice(stage: Stage) -> None:

@@ -9,9 +9,9 @@ from small import small
 from resilience.case import Case, load_case
 from resilience.dispatch.plan import solve
 from resilience.errors import UsageError
-from resilience.models.certify import certify, connected, roots
+from resilience.models.case_program import status
 from resilience.models.microgrid import microgrid
-from resilience.models.problem import status
+from resilience.models.network.ac_check import certify, connected, roots
 from resilience.results import Plan, load_plan
 
 

@@ -10,7 +10,7 @@ from small import small
 
 from resilience.case import Case, Network, load_case
 from resilience.errors import UsageError
-from resilience.models.powerflow import ALONE, Flow, flow
+from resilience.models.network.powerflow import ALONE, Flow, flow
 
 BREAKPOINTS = ("2-19", "3-23", "6-26")
 HEADS = ("19", "23", "26")

@@ -17,8 +17,8 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.fragility.bell import Bell
 from resilience.fragility.outages import sample_bell
-from resilience.models.certify import connected, roots
 from resilience.models.microgrid import microgrid
+from resilience.models.network.ac_check import connected, roots
 
 ONE = np.ones(1)
 

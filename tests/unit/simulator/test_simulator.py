@@ -13,11 +13,11 @@ from stepping import assert_sound, scene
 import resilience as rs
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.case_program import horizon, status
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, microgrid
-from resilience.models.problem import horizon, status
+from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator
-from resilience.models.tree import Tree
-from resilience.models.unroll import unroll
 
 
 @pytest.fixture(scope="module")

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics, microgrid
-from resilience.models.situation import Situation
-from resilience.models.standard import Standard, Vectors
-from resilience.models.tree import Cut, Tree
-from resilience.models.unroll import unroll
+from resilience.models.network.situation import Situation
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.unroll import unroll
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.models.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Unrolled, Vectors
 
 
 def safe_bound(

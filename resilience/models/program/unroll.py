@@ -8,10 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.models.form import Form
-from resilience.models.stage import Stage, Structure
-from resilience.models.standard import Standard, Unrolled
-from resilience.models.tree import Cut, Tree
+from resilience.models.language.stage import Stage, Structure
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.form import Form
+from resilience.models.program.standard import Standard, Unrolled
 
 
 def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Standard:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Labels
-from resilience.models.islands import Islands
+from resilience.models.network.islands import Islands
 
 
 @dataclass(frozen=True)

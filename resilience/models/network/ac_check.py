@@ -14,9 +14,9 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.powerflow import Flow, flow
-from resilience.models.problem import status
-from resilience.models.situation import Situation
+from resilience.models.case_program import status
+from resilience.models.network.powerflow import Flow, flow
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Unrolled, Vectors
 
 TOLERANCE = 1e-5
 

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, stack
-from resilience.models.stage import Block, Stage, Structure
+from resilience.models.language.stage import Block, Stage, Structure
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Labels
-from resilience.models.form import CostForm, Form
-from resilience.models.tree import Cut, Tree
+from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.form import CostForm, Form
 
 Values = Mapping[str, Any]
 
@@ -74,7 +74,7 @@ class Unrolled:
 
 @dataclass
 class Standard:
-    """See the module's docstring; made by `resilience.models.unroll.unroll`."""
+    """See the module's docstring; made by `resilience.models.program.unroll.unroll`."""
 
     forms: tuple[Form, ...]
     tree: Tree

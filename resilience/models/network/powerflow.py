@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.models.situation import Situation
+from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Network
