@@ -11,8 +11,8 @@ from resilience.case import load_case
 from resilience.dispatch.base import Trajectory, World, simulate
 from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.fragility.bell import case_bell
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid
 
 DAYS, DRAWS = 16, 8

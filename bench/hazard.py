@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from bench.row import Row, below, timed
-from resilience.fragility.damage import hazard
-from resilience.fragility.lines import Lines, SpanWind, failure_probability, poles_in_series
-from resilience.fragility.reduction import reduced
-from resilience.fragility.repair import Repair
-from resilience.fragility.storms import Sampling, effective_size, sample_storms
+from resilience.fragility.lines.damage import hazard
+from resilience.fragility.lines.spans import Lines, SpanWind, failure_probability, poles_in_series
+from resilience.fragility.outages.reduction import reduced
+from resilience.fragility.outages.repair import Repair
+from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
 
 LINES, SLOTS, SCENARIOS = 37, 96, 10_000
 

@@ -13,8 +13,8 @@ from resilience.dispatch.clairvoyant import clairvoyant
 from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
-from resilience.fragility.bell import case_bell
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid
 
 DAYS, DRAWS = 16, 8

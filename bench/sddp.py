@@ -13,8 +13,8 @@ from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.sddp.book import Book
 from resilience.dispatch.sddp.policy import PATHS, Sddp
 from resilience.dispatch.sddp.training import simulated
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
 
 CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200

@@ -16,7 +16,7 @@ from bench.row import Row, below, timed
 from resilience.case import Case, load_case
 from resilience.dispatch.lshaped import Options, Solved, lshaped
 from resilience.dispatch.storms import StormProgram, Storms, storm_grid, storm_program
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 COMMON, RECOURSE = 16, 32
 GAP = 1e-4

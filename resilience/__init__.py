@@ -28,7 +28,7 @@ if TYPE_CHECKING:
         UsageError,
     )
     from resilience.fragility.feeder_hazard import Hazard, hazard
-    from resilience.fragility.scenarios import Scenarios
+    from resilience.fragility.outages.scenarios import Scenarios
     from resilience.models.replay import replay
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.plan import plot_plan
@@ -60,7 +60,7 @@ _HOMES = {
     "Trajectory": "dispatch.trajectory",
     "Hazard": "fragility.feeder_hazard",
     "hazard": "fragility.feeder_hazard",
-    "Scenarios": "fragility.scenarios",
+    "Scenarios": "fragility.outages.scenarios",
     "CaseError": "errors",
     "InfeasibleError": "errors",
     "ResilienceError": "errors",

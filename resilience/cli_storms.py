@@ -70,8 +70,8 @@ def scenarios(
 
     from resilience import load_case
     from resilience.fragility import load_behind_mw, print_scenarios, reduced, summary
-    from resilience.fragility.files import check_suffix
-    from resilience.fragility.outages import draw
+    from resilience.fragility.draw import draw
+    from resilience.fragility.outages.files import check_suffix
 
     if out is not None:
         check_suffix(out)

@@ -15,7 +15,7 @@ from resilience.dispatch.slots import Slot, Slots
 from resilience.dispatch.trajectory import Trajectory
 from resilience.errors import UsageError
 from resilience.fragility.forecast import Outlook
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator

@@ -14,7 +14,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.base import Trajectory
 from resilience.dispatch.trajectory_file import load_trajectories
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -82,7 +82,7 @@ def load_comparison(folder: str | Path) -> Comparison:
     import pandas as pd
 
     from resilience.case import load_case
-    from resilience.fragility.files import load_scenarios
+    from resilience.fragility.outages.files import load_scenarios
 
     root = Path(folder)
     if not is_comparison(root):

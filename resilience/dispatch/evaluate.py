@@ -27,15 +27,15 @@ from resilience.dispatch.saving import check_folder, save_report
 from resilience.dispatch.store import Store
 from resilience.dispatch.storms import storm_grid
 from resilience.errors import UsageError
-from resilience.fragility.files import load_scenarios
+from resilience.fragility.draw import sample_case
 from resilience.fragility.forecast import (
     MEASURED_CORRELATION,
     MEASURED_SIGMA,
     ForecastError,
     sample_outlook,
 )
-from resilience.fragility.outages import sample_case
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.files import load_scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
 from resilience.progress import phase
 

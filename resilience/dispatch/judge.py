@@ -22,7 +22,7 @@ from resilience.dispatch.metrics import Adequacy
 from resilience.dispatch.registry import REFERENCE
 from resilience.dispatch.runs import BOUND
 from resilience.dispatch.statistics import MeanInterval
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.dispatch.base import Observation, World
-from resilience.fragility.conditional import Known
+from resilience.fragility.beliefs.conditional import Known
 
 
 class Memory:

@@ -11,7 +11,7 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.reserve import Reserve, reserve_price
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.value import stored_energy_value
-from resilience.fragility.belief import Belief, case_belief
+from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.models.microgrid import microgrid
 
 PAPER_SLOTS = 8

@@ -14,7 +14,7 @@ from resilience.case import Case, load_case
 from resilience.case.schema.tables import DeviceTable
 from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
-from resilience.fragility.outages import outages_from
+from resilience.fragility.draw import outages_from
 from resilience.models.case_program import Problem, as_switched, horizon
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
@@ -27,7 +27,7 @@ from resilience.results import Plan, Table, outage_texts, replacing_file
 
 if TYPE_CHECKING:
     from resilience.dispatch.scenario_plan import ScenarioPlan
-    from resilience.fragility.scenarios import Scenarios
+    from resilience.fragility.outages.scenarios import Scenarios
     from resilience.models.risk import Risk
 
 Deterministic = Literal["lp", "milp", "socp", "nlp", "minlp", "exact"]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from resilience.case import Case
-    from resilience.fragility.scenarios import Scenarios
+    from resilience.fragility.outages.scenarios import Scenarios
 
 BANDS = {
     "energy": "MWh stored at the end of the slot, all units together",
@@ -197,7 +197,7 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
     import pandas as pd
 
     from resilience.case import load_case
-    from resilience.fragility.files import load_scenarios
+    from resilience.fragility.outages.files import load_scenarios
 
     root = Path(folder)
     if not holds_scenario_plan(root):

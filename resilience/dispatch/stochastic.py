@@ -14,8 +14,8 @@ from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.rolling import MEAN, Program, Steps, Window, check_storage
 from resilience.dispatch.value import stored_energy_value
-from resilience.fragility.belief import Belief, case_belief
-from resilience.fragility.bell import Bell
+from resilience.fragility.beliefs.belief import Belief, case_belief
+from resilience.fragility.outages.bell import Bell
 from resilience.models.risk import Risk
 
 

@@ -19,10 +19,10 @@ from resilience.dispatch.statistics import conditional_value_at_risk, worst
 from resilience.dispatch.storm_solve import TITLES, StormAnswer, solve_storms, wait_and_see
 from resilience.dispatch.storms import StormProgram, Storms, storm_grid, storm_program
 from resilience.errors import UsageError
-from resilience.fragility.bell import case_bell
-from resilience.fragility.files import load_scenarios
-from resilience.fragility.outages import DRAWN, fixed, outages_from, sample_bell, sample_case
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, sample_case
+from resilience.fragility.outages.bell import case_bell
+from resilience.fragility.outages.files import load_scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.methods.answer import LATE, Options, gap
 from resilience.models.microgrid import Physics
 from resilience.models.risk import Risk

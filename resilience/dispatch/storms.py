@@ -16,7 +16,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, Outage
 from resilience.dispatch.twostage import IN, TwoStage
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import Problem

@@ -6,12 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from resilience.fragility.bell import Bell, case_bell
-    from resilience.fragility.curves import CURVES, Curve, hardened, restated
-    from resilience.fragility.damage import Timing, failed_by, first_failure, hazard
-    from resilience.fragility.files import load_scenarios
+    from resilience.fragility.draw import (
+        breakpoints,
+        fixed,
+        outages_from,
+        sample_bell,
+        sample_outages,
+    )
     from resilience.fragility.forecast import ForecastError, sample_profiles
-    from resilience.fragility.lines import (
+    from resilience.fragility.lines.curves import CURVES, Curve, hardened, restated
+    from resilience.fragility.lines.damage import Timing, failed_by, first_failure, hazard
+    from resilience.fragility.lines.spans import (
         Lines,
         Series,
         SpanWind,
@@ -19,18 +24,13 @@ if TYPE_CHECKING:
         joint_probability,
         poles_in_series,
     )
-    from resilience.fragility.outages import (
-        breakpoints,
-        fixed,
-        outages_from,
-        sample_bell,
-        sample_outages,
-    )
-    from resilience.fragility.reduction import load_behind_mw, reduced
-    from resilience.fragility.repair import Repair
+    from resilience.fragility.outages.bell import Bell, case_bell
+    from resilience.fragility.outages.files import load_scenarios
+    from resilience.fragility.outages.reduction import load_behind_mw, reduced
+    from resilience.fragility.outages.repair import Repair
+    from resilience.fragility.outages.scenarios import Scenarios
+    from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
     from resilience.fragility.report import print_scenarios, summary
-    from resilience.fragility.scenarios import Scenarios
-    from resilience.fragility.storms import Sampling, effective_size, sample_storms
 
 _HOMES = {
     "CURVES": "curves",

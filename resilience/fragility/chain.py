@@ -21,14 +21,20 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema.storm import StormTable
 from resilience.errors import CaseError, Problem, UsageError, together
 from resilience.fragility.coverage import check_ends, check_overlap
-from resilience.fragility.curves import Curve
-from resilience.fragility.damage import Timing, failed_by, hazard
-from resilience.fragility.geography import Geography, geography
-from resilience.fragility.lines import Lines, SpanWind, calm, span_speed
-from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Scenarios
-from resilience.fragility.storms import Sampling, sample_storms
-from resilience.fragility.strength import cables, check_names, lines_of, repair_of, storm_curve
+from resilience.fragility.lines.curves import Curve
+from resilience.fragility.lines.damage import Timing, failed_by, hazard
+from resilience.fragility.lines.geography import Geography, geography
+from resilience.fragility.lines.spans import Lines, SpanWind, calm, span_speed
+from resilience.fragility.lines.strength import (
+    cables,
+    check_names,
+    lines_of,
+    repair_of,
+    storm_curve,
+)
+from resilience.fragility.outages.repair import Repair
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.storms import Sampling, sample_storms
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
 from resilience.fragility.wind import Wind, wind
 

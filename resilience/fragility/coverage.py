@@ -11,7 +11,7 @@ from resilience.arrays import Floats, Times
 from resilience.case.schema.storm import StormTable
 from resilience.earth.sphere import seen_from
 from resilience.errors import UsageError
-from resilience.fragility.geography import Geography
+from resilience.fragility.lines.geography import Geography
 from resilience.fragility.tracks import Track
 
 if TYPE_CHECKING:

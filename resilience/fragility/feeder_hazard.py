@@ -29,7 +29,7 @@ from resilience.earth.sphere import seen_from
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
 from resilience.results import replacing
 

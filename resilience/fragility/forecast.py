@@ -17,7 +17,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.bell import REFERENCE_MIN
+from resilience.fragility.outages.bell import REFERENCE_MIN
 
 if TYPE_CHECKING:
     from resilience.case import Case

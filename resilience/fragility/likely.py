@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid, microgrid
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case.schema.storm import StormTable
 from resilience.fragility.chain import slot_times
-from resilience.fragility.lines import Lines, Series, SpanWind, failure_probability
+from resilience.fragility.lines.spans import Lines, Series, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated
 from resilience.fragility.wind import wind
 from resilience.plots import style

@@ -13,8 +13,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case import Case, Network
 from resilience.dispatch.base import Trajectory
-from resilience.fragility.bell import REFERENCE_MIN
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.bell import REFERENCE_MIN
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.network.graph import closable, merge
 from resilience.models.network.situation import Situation
 

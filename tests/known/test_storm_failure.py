@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import lognorm
 from zhanjiang import rammasun
 
-from resilience.fragility.curves import Curve
-from resilience.fragility.damage import Timing, failed_by, hazard
-from resilience.fragility.lines import Lines, Series, SpanWind, failure_probability
+from resilience.fragility.lines.curves import Curve
+from resilience.fragility.lines.damage import Timing, failed_by, hazard
+from resilience.fragility.lines.spans import Lines, Series, SpanWind, failure_probability
 
 CURVE = Curve(
     "pole", "lognormal", {"median_mps": 45.0, "beta": 0.20}, 60.0, 10.0, "water", "example"

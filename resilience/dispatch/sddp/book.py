@@ -18,7 +18,7 @@ from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
 from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
 from resilience.dispatch.value import stored_energy_value
 from resilience.errors import UsageError
-from resilience.fragility.bell import Bell, case_bell
+from resilience.fragility.outages.bell import Bell, case_bell
 
 MOST_LINES = 6  # that can fail: modes are their subsets, 64 then
 BIN = 8  # slots of 15 minutes: centres that one cut set serves, where the case names none

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.bell import REFERENCE_MIN, Bell
+from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
 
 DAY_MIN = 24 * 60
 RARE = 1e-4  # per slot: failures less likely than this are left out

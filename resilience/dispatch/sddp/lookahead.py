@@ -17,7 +17,7 @@ from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.base import Forecast
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.sddp.book import Book, CutSet
-from resilience.fragility.conditional import DayDraw, Known, days_reached, futures
+from resilience.fragility.beliefs.conditional import DayDraw, Known, days_reached, futures
 from resilience.models.backends.highs import Highs
 
 AHEAD = Steps(slots=4, blocks=3, block_slots=4)

@@ -15,7 +15,7 @@ from resilience.dispatch.sddp.lookahead import Asked, Lookahead
 from resilience.dispatch.sddp.model import Cuts, Outcomes
 from resilience.dispatch.sddp.program import Program
 from resilience.errors import UsageError
-from resilience.fragility.conditional import Known
+from resilience.fragility.beliefs.conditional import Known
 
 PATHS = 20
 

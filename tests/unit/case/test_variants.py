@@ -11,7 +11,7 @@ from pydantic import ValidationError
 import resilience as rs
 from resilience.case import OutageTable, case_text, load_case
 from resilience.errors import CaseError
-from resilience.fragility.bell import Bell
+from resilience.fragility.outages.bell import Bell
 
 CENTRES = (24, 32, 40, 48, 56, 64, 72, 80)
 

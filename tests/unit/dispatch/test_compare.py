@@ -19,9 +19,9 @@ from resilience.dispatch.columns import AC_COLUMNS, COLUMNS
 from resilience.dispatch.evaluate import compare, held_out, parse_error
 from resilience.dispatch.measures import critical_loads
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.fragility.bell import Bell
+from resilience.fragility.draw import sample_bell
 from resilience.fragility.forecast import ForecastError, sample_outlook
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
 
 LIKELY = np.array([0.75, 0.25])

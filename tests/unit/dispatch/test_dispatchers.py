@@ -16,9 +16,9 @@ from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.mpc import BlindMPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 
 VALUE = 0.35

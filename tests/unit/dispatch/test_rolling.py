@@ -16,9 +16,9 @@ from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.stochastic import Stochastic
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 from resilience.models.risk import Risk
 

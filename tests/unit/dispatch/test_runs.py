@@ -21,9 +21,9 @@ from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.dispatch.store import Store, code
-from resilience.fragility.bell import Bell
+from resilience.fragility.draw import sample_bell
 from resilience.fragility.forecast import ForecastError, sample_outlook
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
 
 METHODS = ["rule", "mpc-blind"]

@@ -19,9 +19,9 @@ from resilience.dispatch.sddp.book import Book
 from resilience.dispatch.sddp.policy import Sddp
 from resilience.dispatch.sddp.storm import Fleet
 from resilience.dispatch.sddp.training import Settings
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 
 HOURS = np.arange(24)

@@ -9,8 +9,8 @@ import pytest
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.chain import Chain, storm_chain
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import draw_day, outage_path
+from resilience.fragility.draw import draw_day, outage_path
+from resilience.fragility.outages.bell import Bell
 
 PER_DAY = 96
 DRAWS = 6000

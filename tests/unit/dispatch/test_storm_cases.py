@@ -13,10 +13,10 @@ from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.stochastic import Stochastic
 from resilience.dispatch.storms import storm_grid
-from resilience.fragility.belief import BellBelief, case_belief
-from resilience.fragility.outages import sample_case
-from resilience.fragility.scenarios import Scenarios
-from resilience.fragility.storm_belief import StormBelief
+from resilience.fragility.beliefs.belief import BellBelief, case_belief
+from resilience.fragility.beliefs.storm_belief import StormBelief
+from resilience.fragility.draw import sample_case
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 
 CASE = "ieee33_rammasun"

@@ -23,9 +23,9 @@ from resilience.dispatch.scenario_plan import ScenarioPlan
 from resilience.dispatch.storm_solve import solve_storms, wait_and_see
 from resilience.dispatch.storms import Storms, storm_grid, storm_program
 from resilience.errors import InfeasibleError, UsageError
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.risk import Risk
 
 ALGORITHMS = ("extensive", "lshaped")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resilience.fragility.curves import Curve
-from resilience.fragility.lines import Lines, Series, SpanWind
+from resilience.fragility.lines.curves import Curve
+from resilience.fragility.lines.spans import Lines, Series, SpanWind
 
 WEAK = Curve("weak", "lognormal", {"median_mps": 45.0, "beta": 0.2}, 3.0, 10.0, "land", "test")
 

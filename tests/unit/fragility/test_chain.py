@@ -14,10 +14,10 @@ from resilience.case.schema.storm import CurveTable
 from resilience.case.schema.tables import LineTable
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times, storm, storm_scenarios
-from resilience.fragility.curves import CURVES
+from resilience.fragility.draw import outages_from, sample_case
 from resilience.fragility.likely import buses_text, likely
-from resilience.fragility.outages import outages_from, sample_case
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.lines.curves import CURVES
+from resilience.fragility.outages.scenarios import Scenarios
 
 CASES = ("ieee33_koinu", "ieee33_rammasun")
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resilience.fragility.bell import Bell
-from resilience.fragility.conditional import (
+from resilience.fragility.beliefs.conditional import (
     DayDraw,
     Known,
     chances,
@@ -14,6 +13,7 @@ from resilience.fragility.conditional import (
     futures,
     strata,
 )
+from resilience.fragility.outages.bell import Bell
 
 DAY = 96
 NEVER = np.full(1, -1)

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import lognorm, norm
 
 from resilience.errors import UsageError
-from resilience.fragility.curves import CURVES, Curve, hardened, restated
+from resilience.fragility.lines.curves import CURVES, Curve, hardened, restated
 
 SPEEDS = np.linspace(0.0, 120.0, 2401)
 TABLE = {"speed_mps": (20.0, 30.0, 40.0, 60.0), "probability": (0.0, 0.1, 0.1, 0.9)}

@@ -8,8 +8,8 @@ from scipy.stats import norm
 from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
-from resilience.fragility.damage import Timing, failed_by, first_failure, hazard
-from resilience.fragility.lines import failure_probability
+from resilience.fragility.lines.damage import Timing, failed_by, first_failure, hazard
+from resilience.fragility.lines.spans import failure_probability
 
 RATE = Timing("rate", 0.25)
 

@@ -12,7 +12,7 @@ from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.case.schema.storm import GeographyTable
-from resilience.fragility.geography import Geography, geography
+from resilience.fragility.lines.geography import Geography, geography
 
 ANCHOR = GeographyTable(synthetic=True, anchor_lat_deg=22.0, anchor_lon_deg=120.74)
 

@@ -14,7 +14,7 @@ import resilience as rs
 from resilience import fragility
 from resilience.cli import main
 from resilience.fragility.feeder_hazard import Hazard, hazard
-from resilience.fragility.files import load_scenarios
+from resilience.fragility.outages.files import load_scenarios
 from resilience.plots.hazard import plot_hazard
 
 TRACK = """time,lat,lon,pressure_hpa,vmax_mps,averaging_s

@@ -12,8 +12,8 @@ from scipy.stats import multivariate_normal, norm
 from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
-from resilience.fragility.curves import CURVES, Curve, hardened
-from resilience.fragility.lines import (
+from resilience.fragility.lines.curves import CURVES, Curve, hardened
+from resilience.fragility.lines.spans import (
     Lines,
     Series,
     failure_probability,

@@ -23,7 +23,7 @@ from resilience.fragility import (
     sample_outages,
     summary,
 )
-from resilience.fragility.outages import shifts
+from resilience.fragility.draw import shifts
 
 NOON = Bell(centres=(48,))
 CASE = feeder()

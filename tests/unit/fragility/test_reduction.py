@@ -10,13 +10,13 @@ from scipy.optimize import linprog
 
 import resilience as rs
 from resilience.errors import UsageError
-from resilience.fragility.reduction import (
+from resilience.fragility.outages.reduction import (
     fast_forward,
     load_behind_mw,
     outage_distance,
     reduced,
 )
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 
 def drawn(n: int, seed: int = 0, lines: int = 3, slots: int = 12) -> Scenarios:

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import kstest, lognorm, norm
 
 from resilience.errors import UsageError
-from resilience.fragility.repair import Begun, Repair, Repaired, crew_since, repaired
+from resilience.fragility.outages.repair import Begun, Repair, Repaired, crew_since, repaired
 
 SLOTS = 400
 RNG = np.random.default_rng(5)

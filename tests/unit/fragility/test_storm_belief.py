@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Floats
-from resilience.fragility.conditional import Known
-from resilience.fragility.damage import Timing, accumulated, failed_by
-from resilience.fragility.lines import (
+from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.storm_belief import StormBelief
+from resilience.fragility.lines.damage import Timing, accumulated, failed_by
+from resilience.fragility.lines.spans import (
     Lines,
     SpanWind,
     factor_nodes,
@@ -16,9 +17,8 @@ from resilience.fragility.lines import (
     scores,
     span_speed,
 )
-from resilience.fragility.repair import Repair
-from resilience.fragility.storm_belief import StormBelief
-from resilience.fragility.storms import sample_storms
+from resilience.fragility.outages.repair import Repair
+from resilience.fragility.outages.storms import sample_storms
 
 SLOTS = 12
 SPEED = 62.0 - 4.0 * np.abs(np.arange(SLOTS) - 6.0)  # rises to slot 6, then falls

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Bools
-from resilience.fragility.conditional import Known
-from resilience.fragility.damage import Timing
-from resilience.fragility.lines import SpanWind, poles_in_series
-from resilience.fragility.repair import Repair
-from resilience.fragility.storm_belief import StormBelief
-from resilience.fragility.storms import Sampling, sample_storms
+from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.storm_belief import StormBelief
+from resilience.fragility.lines.damage import Timing
+from resilience.fragility.lines.spans import SpanWind, poles_in_series
+from resilience.fragility.outages.repair import Repair
+from resilience.fragility.outages.storms import Sampling, sample_storms
 
 NAMES = ("a", "b", "c", "d")
 HOURLY = Timing(step_h=1.0)

@@ -10,10 +10,9 @@ from scipy.stats import norm
 from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
-from resilience.fragility.clock import Clock
-from resilience.fragility.curves import Curve
-from resilience.fragility.damage import RUNNING_MAX, Timing, accumulated, failed_by
-from resilience.fragility.lines import (
+from resilience.fragility.lines.curves import Curve
+from resilience.fragility.lines.damage import RUNNING_MAX, Timing, accumulated, failed_by
+from resilience.fragility.lines.spans import (
     Lines,
     SpanWind,
     failure_probability,
@@ -21,9 +20,10 @@ from resilience.fragility.lines import (
     scores,
     span_speed,
 )
-from resilience.fragility.repair import Repair
-from resilience.fragility.scenarios import Scenarios
-from resilience.fragility.storms import Sampling, effective_size, sample_storms
+from resilience.fragility.outages.failure_clock import Clock
+from resilience.fragility.outages.repair import Repair
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
 
 COUNTS = (20, 40, 5)
 N = 20_000

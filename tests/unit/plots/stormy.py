@@ -11,7 +11,7 @@ from resilience.case import Case
 from resilience.dispatch.base import Trajectory, World, simulate
 from resilience.dispatch.comparison import Comparison
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 
 SLOTS = 24

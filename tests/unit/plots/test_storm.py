@@ -13,9 +13,9 @@ from stormy import chain, compared, cut
 import resilience as rs
 from resilience.dispatch.comparison import Comparison
 from resilience.dispatch.evaluate import held_out
-from resilience.fragility.bell import case_bell
-from resilience.fragility.outages import sample_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import case_bell
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.plots.panels import GRID, band_colours
 from resilience.plots.storm_choice import storm
 from resilience.plots.storm_data import OTHERS, feeder, load_groups, zone_names

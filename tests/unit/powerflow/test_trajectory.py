@@ -15,8 +15,8 @@ from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.measures import demand
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
-from resilience.fragility.bell import Bell
-from resilience.fragility.outages import sample_bell
+from resilience.fragility.draw import sample_bell
+from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
 from resilience.models.network.ac_check import connected, roots
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import CaseError, Problem, UsageError
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case

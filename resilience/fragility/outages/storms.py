@@ -2,7 +2,7 @@ r"""Storms as scenarios: members of an ensemble, a common factor, capacities, fa
 
 Of every scenario are drawn: the member of the ensemble of winds, the factor $Z$ shared by all
 capacities, and for each line and each time it is new one exponential number, which decides the slot
-of its failure (`resilience.fragility.clock`), and one uniform number for the length of its repair.
+of its failure (`resilience.fragility.outages.failure_clock`), and one uniform number for the length of its repair.
 All random numbers are drawn up front, in streams of their own: other crews or other poles meet the
 same storms.
 
@@ -25,11 +25,11 @@ from scipy.special import ndtr, ndtri
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.clock import Clock
-from resilience.fragility.damage import RUNNING_MAX, Timing
-from resilience.fragility.lines import Lines, WindAtSpans, calm, scores, span_speed
-from resilience.fragility.repair import Repair, repaired
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.lines.damage import RUNNING_MAX, Timing
+from resilience.fragility.lines.spans import Lines, WindAtSpans, calm, scores, span_speed
+from resilience.fragility.outages.failure_clock import Clock
+from resilience.fragility.outages.repair import Repair, repaired
+from resilience.fragility.outages.scenarios import Scenarios
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.bell import REFERENCE_MIN, Bell
+from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What a dispatcher believes of outages to come, given what an operator has seen.
 
-`BellBelief` believes in the paper's bell (`resilience.fragility.conditional`), `StormBelief` in a
-storm on its track (`resilience.fragility.storm_belief`); `case_belief` gives a case its own.
+`BellBelief` believes in the paper's bell (`resilience.fragility.beliefs.conditional`), `StormBelief` in a
+storm on its track (`resilience.fragility.beliefs.storm_belief`); `case_belief` gives a case its own.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.bell import REFERENCE_MIN, Bell, case_bell
-from resilience.fragility.conditional import (
+from resilience.fragility.beliefs.conditional import (
     DayDraw,
     Known,
     chances,
@@ -20,6 +19,7 @@ from resilience.fragility.conditional import (
     expected_left,
     futures,
 )
+from resilience.fragility.outages.bell import REFERENCE_MIN, Bell, case_bell
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -114,8 +114,8 @@ def case_belief(
         UsageError: a setting out of range.
     """
     if bell is None and case.storm is not None and case.storm.points:
+        from resilience.fragility.beliefs.storm_belief import StormBelief
         from resilience.fragility.chain import storm
-        from resilience.fragility.storm_belief import StormBelief
 
         return StormBelief.of(storm(case), lines, seed=seed)
     per_day = round(24.0 / case.step_h)

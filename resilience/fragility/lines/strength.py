@@ -13,9 +13,9 @@ from resilience.case.schema.storm import CurveTable, StormTable
 from resilience.case.schema.tables import LineTable
 from resilience.case.tables import show
 from resilience.errors import CaseError, Problem, UsageError
-from resilience.fragility.curves import CURVES, Curve, measure
-from resilience.fragility.lines import Lines, poles_in_series
-from resilience.fragility.repair import Repair
+from resilience.fragility.lines.curves import CURVES, Curve, measure
+from resilience.fragility.lines.spans import Lines, poles_in_series
+from resilience.fragility.outages.repair import Repair
 from resilience.fragility.tracks.fill import RADII
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, ROUGHNESS
 

@@ -92,6 +92,6 @@ class Scenarios:
         Raises:
             UsageError: another suffix.
         """
-        from resilience.fragility.files import save_scenarios
+        from resilience.fragility.outages.files import save_scenarios
 
         save_scenarios(self, Path(path))

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -11,8 +11,8 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
-from resilience.fragility.scenarios import Scenarios
+from resilience.fragility.outages.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
+from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage

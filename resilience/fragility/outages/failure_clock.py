@@ -17,8 +17,8 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.damage import Timing, accumulated
-from resilience.fragility.lines import Lines, worst_score
+from resilience.fragility.lines.damage import Timing, accumulated
+from resilience.fragility.lines.spans import Lines, worst_score
 
 POINTS = 6
 TABLE_FROM = 100  # scenarios; a table for fewer costs more than it saves

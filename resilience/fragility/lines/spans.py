@@ -26,7 +26,7 @@ from scipy.special import log_ndtr, ndtr
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.fragility.curves import CURVES, Curve, hardened, measure
+from resilience.fragility.lines.curves import CURVES, Curve, hardened, measure
 
 Z_MOST = 8.5  # beyond, a standard normal variable has a probability of 1e-17
 

@@ -26,10 +26,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.conditional import Known, strata
-from resilience.fragility.damage import accumulated
-from resilience.fragility.lines import factor_nodes, scores, span_speed
-from resilience.fragility.repair import Begun, Repair, crew_since, ranks, repaired
+from resilience.fragility.beliefs.conditional import Known, strata
+from resilience.fragility.lines.damage import accumulated
+from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
+from resilience.fragility.outages.repair import Begun, Repair, crew_since, ranks, repaired
 
 if TYPE_CHECKING:
     from resilience.fragility.chain import Storm

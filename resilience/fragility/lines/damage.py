@@ -9,7 +9,7 @@ r"""Failure over time: how a wind that rises and falls adds up to a probability.
 - `per_slot`: $F$ is drawn anew in every slot, as many papers do. The result depends on the step,
   which is warned of.
 
-All are exact: integrals over the common factor as in `resilience.fragility.lines`. At correlation 1
+All are exact: integrals over the common factor as in `resilience.fragility.lines.spans`. At correlation 1
 the three are the same, for then a storm either breaks an element in a slot or never does.
 """
 
@@ -23,7 +23,7 @@ from scipy.special import ndtr
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.fragility.lines import (
+from resilience.fragility.lines.spans import (
     Lines,
     WindAtSpans,
     factor_nodes,
