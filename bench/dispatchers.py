@@ -8,12 +8,12 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
-from resilience.dispatch.base import Trajectory, World, simulate
 from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import Trajectory, World, simulate
 
 DAYS, DRAWS = 16, 8
 PAPER_S = 3632  # what the paper reports for its MINLP over these days

@@ -7,7 +7,6 @@ from functools import partial
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.certify import certify_trajectory
 from resilience.dispatch.clairvoyant import clairvoyant
 from resilience.dispatch.evaluate import held_out
@@ -16,6 +15,7 @@ from resilience.dispatch.rules import Idle
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import World, simulate
 
 DAYS, DRAWS = 16, 8
 SMALL_SHARE = 0.5  # of an episode of the fastest solver-based method

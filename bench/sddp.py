@@ -8,7 +8,6 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.sddp.book import Book
 from resilience.dispatch.sddp.policy import PATHS, Sddp
@@ -16,6 +15,7 @@ from resilience.dispatch.sddp.training import simulated
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import World, simulate
 
 CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200
 BUILD_S = 10.0

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from resilience.dispatch.plan import solve
     from resilience.dispatch.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.dispatch.sddp.values import WaterValues, water_values
-    from resilience.dispatch.trajectory import Trajectory
     from resilience.errors import (
         CaseError,
         InfeasibleError,
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     )
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
-    from resilience.models.replay import replay
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.plan import plot_plan
     from resilience.plots.report import plot_report
@@ -37,6 +35,8 @@ if TYPE_CHECKING:
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
     from resilience.results import Plan, load_plan
+    from resilience.simulation.replay import replay
+    from resilience.simulation.trajectory import Trajectory
 
 _HOMES = {
     "Case": "case",
@@ -57,7 +57,7 @@ _HOMES = {
     "WaterValues": "dispatch.sddp.values",
     "water_values": "dispatch.sddp.values",
     "plot_scenario_plan": "plots.scenario_plan",
-    "Trajectory": "dispatch.trajectory",
+    "Trajectory": "simulation.trajectory",
     "Hazard": "fragility.feeder_hazard",
     "hazard": "fragility.feeder_hazard",
     "Scenarios": "fragility.outages.scenarios",
@@ -66,7 +66,7 @@ _HOMES = {
     "ResilienceError": "errors",
     "SolverError": "errors",
     "UsageError": "errors",
-    "replay": "models.replay",
+    "replay": "simulation.replay",
     "plot_hazard": "plots.hazard",
     "plot_plan": "plots.plan",
     "plot_report": "plots.report",

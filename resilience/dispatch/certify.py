@@ -19,8 +19,8 @@ from resilience.dispatch.measures import demand
 from resilience.models.network.ac_check import TOLERANCE, Carried, carry
 
 if TYPE_CHECKING:
-    from resilience.dispatch.base import World
-    from resilience.dispatch.trajectory import Trajectory
+    from resilience.simulation.trajectory import Trajectory
+    from resilience.simulation.world import World
 
 MEMBERS = 16_384  # power flows at once: some ten MB each array for a feeder of a hundred buses
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.aggregate import Aggregate, aggregate
-from resilience.dispatch.base import Observation, World
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.unroll import unroll
+from resilience.simulation.world import Observation, World
 
 STEEPEST = {"simplex_dual_edge_weight_strategy": -1}  # of a long horizon: half the time of Devex
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.base import Trajectory
-from resilience.dispatch.trajectory_file import load_trajectories
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.simulation.trajectory_file import load_trajectories
+from resilience.simulation.world import Trajectory
 
 if TYPE_CHECKING:
     from resilience.case import Case

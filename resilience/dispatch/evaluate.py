@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from resilience.case import Case, load_case
-from resilience.dispatch.base import World
 from resilience.dispatch.certify import certify_trajectory
 from resilience.dispatch.engines import Engine, check_engine
 from resilience.dispatch.judge import Report
@@ -28,16 +27,17 @@ from resilience.dispatch.store import Store
 from resilience.dispatch.storms import storm_grid
 from resilience.errors import UsageError
 from resilience.fragility.draw import sample_case
-from resilience.fragility.forecast import (
+from resilience.fragility.outages.files import load_scenarios
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.microgrid import Physics
+from resilience.progress import phase
+from resilience.simulation.forecast import (
     MEASURED_CORRELATION,
     MEASURED_SIGMA,
     ForecastError,
     sample_outlook,
 )
-from resilience.fragility.outages.files import load_scenarios
-from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import Physics
-from resilience.progress import phase
+from resilience.simulation.world import World
 
 USUAL_DAYS = 16
 TEST_SHARE = 0.25  # of the days of the profiles, the last ones: nothing is tuned on them

@@ -27,8 +27,8 @@ from resilience.fragility.outages.scenarios import Scenarios
 if TYPE_CHECKING:
     import pandas as pd
 
-    from resilience.dispatch.base import World
-    from resilience.dispatch.trajectory import Trajectory
+    from resilience.simulation.trajectory import Trajectory
+    from resilience.simulation.world import World
 
 DETERMINISTIC = ("mpc-blind", "mpc")
 """Those that plan for one future."""

@@ -15,8 +15,8 @@ from resilience.dispatch.trapezoid import Trapezoid, lines_up_ratio, trapezoid
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.dispatch.base import World
-    from resilience.dispatch.trajectory import Trajectory
+    from resilience.simulation.trajectory import Trajectory
+    from resilience.simulation.world import World
 
 
 def critical_loads(case: Case) -> Bools:

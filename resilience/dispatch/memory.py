@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.dispatch.base import Observation, World
 from resilience.fragility.beliefs.conditional import Known
+from resilience.simulation.world import Observation, World
 
 
 class Memory:

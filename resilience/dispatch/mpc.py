@@ -6,13 +6,13 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.aggregate import aggregate
-from resilience.dispatch.base import Observation, World
+from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.reserve import Reserve, reserve_price
-from resilience.dispatch.rolling import Program, Steps, Window
-from resilience.dispatch.value import stored_energy_value
+from resilience.dispatch.window_program import Program, Steps, Window
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import Observation, World
 
 PAPER_SLOTS = 8
 

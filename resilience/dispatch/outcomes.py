@@ -8,7 +8,6 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
-from resilience.dispatch.base import Trajectory, World
 from resilience.dispatch.extensive import own_columns
 from resilience.dispatch.lshaped import Solved
 from resilience.dispatch.plan import tabulate
@@ -17,6 +16,7 @@ from resilience.models.case_program import Problem
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
 from resilience.results import Table
+from resilience.simulation.world import Trajectory, World
 
 
 @dataclass

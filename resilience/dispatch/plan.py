@@ -21,9 +21,9 @@ from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
 from resilience.models.network.situation import Situation
 from resilience.models.program.referee import audit, settle
-from resilience.models.replay import per_slot, variables
 from resilience.progress import phase, stopwatch
 from resilience.results import Plan, Table, outage_texts, replacing_file
+from resilience.simulation.replay import per_slot, variables
 
 if TYPE_CHECKING:
     from resilience.dispatch.scenario_plan import ScenarioPlan

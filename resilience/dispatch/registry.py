@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from resilience.dispatch.base import Dispatcher, World
 from resilience.dispatch.mpc import MPC, BlindMPC
 from resilience.dispatch.rules import Greedy, Idle, Rule
 from resilience.dispatch.sddp.policy import Sddp
 from resilience.dispatch.stochastic import Stochastic
 from resilience.errors import UsageError
 from resilience.models.risk import Risk
+from resilience.simulation.world import Dispatcher, World
 
 REFERENCE = "rule-0.9"
 """Always reported: a battery kept full is the method to beat."""

@@ -27,10 +27,10 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.reserve import reserve_price_range
-from resilience.dispatch.base import Forecast
 from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
+from resilience.simulation.world import Forecast
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.base import Observation, World
+from resilience.simulation.world import Observation, World
 
 
 class Idle:

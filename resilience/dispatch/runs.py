@@ -16,14 +16,14 @@ from functools import partial
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.dispatch.base import Dispatcher, World, simulate
 from resilience.dispatch.clairvoyant import Replay, clairvoyant
 from resilience.dispatch.engines import Engine, spread
 from resilience.dispatch.registry import BATCHED
 from resilience.dispatch.store import Store
-from resilience.dispatch.trajectory import Trajectory, joined
 from resilience.models.simulator import NetworkSimulator
 from resilience.progress import Meter, meter
+from resilience.simulation.trajectory import Trajectory, joined
+from resilience.simulation.world import Dispatcher, World, simulate
 
 Factory = Callable[[World], Dispatcher]
 BOUND = "clairvoyant"

@@ -23,8 +23,8 @@ import numpy as np
 from resilience.case import case_text
 from resilience.dispatch import statistics
 from resilience.dispatch.store import FOLDER as PARTS
-from resilience.dispatch.trajectory_file import save_trajectories
 from resilience.results import check_replaceable, replacing
+from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -10,13 +10,13 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.dispatch.aggregate import aggregate
-from resilience.dispatch.base import Observation, World
+from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
-from resilience.dispatch.rolling import MEAN, Program, Steps, Window, check_storage
-from resilience.dispatch.value import stored_energy_value
+from resilience.dispatch.window_program import MEAN, Program, Steps, Window, check_storage
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
 from resilience.models.risk import Risk
+from resilience.simulation.world import Observation, World
 
 
 class Stochastic:

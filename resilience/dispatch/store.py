@@ -18,11 +18,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.dispatch.trajectory import Trajectory
-from resilience.dispatch.trajectory_file import load_trajectory, save_trajectory
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
 
 if TYPE_CHECKING:
-    from resilience.dispatch.base import World
+    from resilience.simulation.world import World
 
 FOLDER = "parts"
 MEANINGLESS = {"description", "path", "source", "simulator", "probability", "seed", "process"}

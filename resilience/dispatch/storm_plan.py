@@ -11,7 +11,6 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch import outcomes
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.outcomes import Outcomes
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.scenario_plan import HIGH, LOW, ScenarioPlan
@@ -28,6 +27,7 @@ from resilience.models.microgrid import Physics
 from resilience.models.risk import Risk
 from resilience.progress import phase
 from resilience.results import Table
+from resilience.simulation.world import World, simulate
 
 if TYPE_CHECKING:
     from resilience.dispatch.plan import ScenarioOptions

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
         sample_bell,
         sample_outages,
     )
-    from resilience.fragility.forecast import ForecastError, sample_profiles
     from resilience.fragility.lines.curves import CURVES, Curve, hardened, restated
     from resilience.fragility.lines.damage import Timing, failed_by, first_failure, hazard
     from resilience.fragility.lines.spans import (
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
     from resilience.fragility.report import print_scenarios, summary
+    from resilience.simulation.forecast import ForecastError, sample_profiles
 
 _HOMES = {
     "CURVES": "curves",

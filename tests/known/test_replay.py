@@ -11,8 +11,8 @@ import pytest
 from small import small
 
 import resilience as rs
-from resilience.models.replay import Replayed, replay
 from resilience.results import Plan, Table
+from resilience.simulation.replay import Replayed, replay
 
 METHODS = [
     ("lp", "copperplate"),

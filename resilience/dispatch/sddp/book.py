@@ -10,13 +10,13 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.case import Case
+from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
 from resilience.dispatch.sddp.chain import Chain, storm_chain
 from resilience.dispatch.sddp.days import learnt, past_days, slot_of_day, slots_of_day
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
 from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
-from resilience.dispatch.value import stored_energy_value
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import Bell, case_bell
 

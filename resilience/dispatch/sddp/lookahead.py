@@ -14,11 +14,11 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.aggregate import aggregate
-from resilience.dispatch.base import Forecast
-from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.sddp.book import Book, CutSet
+from resilience.dispatch.window_program import Program, Steps, Window
 from resilience.fragility.beliefs.conditional import DayDraw, Known, days_reached, futures
 from resilience.models.backends.highs import Highs
+from resilience.simulation.world import Forecast
 
 AHEAD = Steps(slots=4, blocks=3, block_slots=4)
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.book import Book, CutSet
@@ -16,6 +15,7 @@ from resilience.dispatch.sddp.model import Cuts, Outcomes
 from resilience.dispatch.sddp.program import Program
 from resilience.errors import UsageError
 from resilience.fragility.beliefs.conditional import Known
+from resilience.simulation.world import Observation, World
 
 PATHS = 20
 

@@ -13,16 +13,16 @@ from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
-from resilience.dispatch.base import Observation, World, simulate
 from resilience.dispatch.clairvoyant import Replay, clairvoyant
 from resilience.dispatch.columns import AC_COLUMNS, COLUMNS
 from resilience.dispatch.evaluate import compare, held_out, parse_error
 from resilience.dispatch.measures import critical_loads
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.fragility.draw import sample_bell
-from resilience.fragility.forecast import ForecastError, sample_outlook
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
+from resilience.simulation.forecast import ForecastError, sample_outlook
+from resilience.simulation.world import Observation, World, simulate
 
 LIKELY = np.array([0.75, 0.25])
 

@@ -10,7 +10,6 @@ import pytest
 from small import small
 
 import resilience as rs
-from resilience.dispatch.base import Observation, World, simulate
 from resilience.dispatch.clairvoyant import Replay, clairvoyant
 from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.mpc import BlindMPC
@@ -20,6 +19,7 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import Observation, World, simulate
 
 VALUE = 0.35
 QUICK = sorted(set(DISPATCHERS) - {"sddp"})  # which trains first: its own tests say the same

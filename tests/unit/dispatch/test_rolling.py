@@ -10,17 +10,17 @@ import resilience as rs
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.aggregate import aggregate
-from resilience.dispatch.base import Observation, World
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.dispatch.rolling import Program, Steps, Window
 from resilience.dispatch.stochastic import Stochastic
+from resilience.dispatch.window_program import Program, Steps, Window
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 from resilience.models.risk import Risk
+from resilience.simulation.world import Observation, World
 
 
 def exact(case: Case) -> object:

@@ -15,16 +15,16 @@ from small import small
 import resilience as rs
 from resilience.arrays import Floats
 from resilience.dispatch import runs
-from resilience.dispatch.base import Observation, World, simulate
 from resilience.dispatch.engines import spread
 from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.dispatch.store import Store, code
 from resilience.fragility.draw import sample_bell
-from resilience.fragility.forecast import ForecastError, sample_outlook
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
+from resilience.simulation.forecast import ForecastError, sample_outlook
+from resilience.simulation.world import Observation, World, simulate
 
 METHODS = ["rule", "mpc-blind"]
 

@@ -10,7 +10,6 @@ from small import small
 
 import resilience as rs
 from resilience.case import Case
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.clairvoyant import clairvoyant
 from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.rules import Rule
@@ -23,6 +22,7 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import World, simulate
 
 HOURS = np.arange(24)
 FEW = Settings(iterations=2, paths=2)

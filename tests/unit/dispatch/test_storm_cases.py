@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
@@ -18,6 +17,7 @@ from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import World, simulate
 
 CASE = "ieee33_rammasun"
 

@@ -7,7 +7,7 @@ import pytest
 from small import small
 
 from resilience.case import Case
-from resilience.dispatch.value import energy_price, stored_energy_value
+from resilience.dispatch.end_value import energy_price, stored_energy_value
 
 
 def trader(prices: list[float]) -> Case:

@@ -9,7 +9,7 @@ from storms import feeder
 import resilience as rs
 from resilience.errors import UsageError
 from resilience.fragility import ForecastError, sample_profiles
-from resilience.fragility.forecast import Outlook, sample_outlook
+from resilience.simulation.forecast import Outlook, sample_outlook
 
 SIGMA = 0.1
 N = 4000

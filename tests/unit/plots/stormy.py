@@ -8,11 +8,11 @@ import numpy as np
 from small import small
 
 from resilience.case import Case
-from resilience.dispatch.base import Trajectory, World, simulate
 from resilience.dispatch.comparison import Comparison
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
+from resilience.simulation.world import Trajectory, World, simulate
 
 SLOTS = 24
 

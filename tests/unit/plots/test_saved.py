@@ -9,9 +9,9 @@ import pytest
 from stormy import chain, cut
 
 import resilience as rs
-from resilience.dispatch.trajectory_file import load_trajectory, save_trajectory
 from resilience.plots.saved import draw_run
 from resilience.plots.storm_choice import storm
+from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
 
 
 @pytest.fixture(scope="module")

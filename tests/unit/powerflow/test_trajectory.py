@@ -9,7 +9,6 @@ from small import small
 
 import resilience as rs
 from resilience.dispatch import certify
-from resilience.dispatch.base import World, simulate
 from resilience.dispatch.certify import certify_trajectory
 from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.measures import demand
@@ -19,6 +18,7 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid
 from resilience.models.network.ac_check import connected, roots
+from resilience.simulation.world import World, simulate
 
 ONE = np.ones(1)
 

@@ -17,7 +17,6 @@ import scipy.sparse as sp
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.aggregate import Aggregate, profiles_of
-from resilience.dispatch.base import Forecast
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
 from resilience.models.backends.highs import Highs
@@ -26,6 +25,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.risk import Risk, RiskAverse
+from resilience.simulation.world import Forecast
 
 MEAN = Risk()
 POWERS = ("MW", "Mvar")  # units of data that shrink with the part of a step that is left

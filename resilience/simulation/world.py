@@ -11,14 +11,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.dispatch.slots import Slot, Slots
-from resilience.dispatch.trajectory import Trajectory
 from resilience.errors import UsageError
-from resilience.fragility.forecast import Outlook
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.simulation.forecast import Outlook
+from resilience.simulation.slots import Slot, Slots
+from resilience.simulation.trajectory import Trajectory
 
 __all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
 Stepper = Simulator | NetworkSimulator

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from resilience.dispatch.base import Trajectory
 from resilience.errors import UsageError
 from resilience.results import replacing_file
+from resilience.simulation.world import Trajectory
 
 FOLDER = "trajectories"
 """Where a saved comparison keeps them, `METHOD.npz` each."""

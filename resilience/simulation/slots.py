@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 
 if TYPE_CHECKING:
-    from resilience.dispatch.base import World
+    from resilience.simulation.world import World
 
 NODES = 4096  # slots times scenarios that are worked out together
 
