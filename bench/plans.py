@@ -13,13 +13,13 @@ from pathlib import Path
 from bench.linear import relaxed
 from bench.row import Row, below, timed
 from resilience.case import load_case
-from resilience.dispatch.plan import solve
 from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.case_program import horizon
 from resilience.models.program.standard import Vectors
+from resilience.planning.solve import solve
 
 ROOT = Path(__file__).parents[1]
 LIMIT_S, GRACE_S = 60, 3

@@ -14,9 +14,9 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.case import Case, load_case
-from resilience.dispatch.lshaped import Options, Solved, lshaped
-from resilience.dispatch.storms import StormProgram, Storms, storm_grid, storm_program
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.planning.scenario_program import StormProgram, Storms, storm_grid, storm_program
+from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
 
 COMMON, RECOURSE = 16, 32
 GAP = 1e-4

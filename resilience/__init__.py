@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from resilience.dispatch.certify import certify_trajectory
     from resilience.dispatch.comparison import Comparison, load_comparison
     from resilience.dispatch.evaluate import Report, compare, evaluate
-    from resilience.dispatch.plan import solve
-    from resilience.dispatch.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.dispatch.sddp.values import WaterValues, water_values
     from resilience.errors import (
         CaseError,
@@ -28,13 +26,15 @@ if TYPE_CHECKING:
     )
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
+    from resilience.planning.plan import Plan, load_plan
+    from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
+    from resilience.planning.solve import solve
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.plan import plot_plan
     from resilience.plots.report import plot_report
     from resilience.plots.scenario_plan import plot_scenario_plan
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
-    from resilience.results import Plan, load_plan
     from resilience.simulation.replay import replay
     from resilience.simulation.trajectory import Trajectory
 
@@ -51,9 +51,9 @@ _HOMES = {
     "certify_trajectory": "dispatch.certify",
     "compare": "dispatch.evaluate",
     "evaluate": "dispatch.evaluate",
-    "solve": "dispatch.plan",
-    "ScenarioPlan": "dispatch.scenario_plan",
-    "load_scenario_plan": "dispatch.scenario_plan",
+    "solve": "planning.solve",
+    "ScenarioPlan": "planning.scenario_plan",
+    "load_scenario_plan": "planning.scenario_plan",
     "WaterValues": "dispatch.sddp.values",
     "water_values": "dispatch.sddp.values",
     "plot_scenario_plan": "plots.scenario_plan",
@@ -72,8 +72,8 @@ _HOMES = {
     "plot_report": "plots.report",
     "plot_storm": "plots.storm",
     "plot_water_values": "plots.water",
-    "Plan": "results",
-    "load_plan": "results",
+    "Plan": "planning.plan",
+    "load_plan": "planning.plan",
 }
 
 __all__ = [

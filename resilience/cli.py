@@ -20,8 +20,8 @@ from resilience.terminal import progress as _progress
 from resilience.terminal import written
 
 if TYPE_CHECKING:
-    from resilience.dispatch.scenario_plan import ScenarioPlan
-    from resilience.results import Plan
+    from resilience.planning.plan import Plan
+    from resilience.planning.scenario_plan import ScenarioPlan
 
 app = typer.Typer(
     name="resilience",
@@ -54,7 +54,7 @@ def solve(
 ) -> None:
     """Find the best plan for a case, with a proven bound and an audit."""
     from resilience import solve as find
-    from resilience.dispatch.plan import export_model
+    from resilience.planning.solve import export_model
     from resilience.plots.saved import draw_plan
     from resilience.plots.style import check_suffix
 
@@ -90,7 +90,7 @@ def solve(
 def _print(plan: Plan | ScenarioPlan) -> None:
     from rich.console import Console
 
-    from resilience.dispatch.scenario_plan import ScenarioPlan
+    from resilience.planning.scenario_plan import ScenarioPlan
     from resilience.report import print_plan
     from resilience.report_scenarios import print_scenario_plan
 

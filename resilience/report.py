@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from resilience.results import Plan, outage_texts
+from resilience.planning.plan import Plan, outage_texts
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -102,7 +102,7 @@ def _money_and_energy(plan: Plan, width: int) -> RenderableType:
 def _shed(plan: Plan) -> RenderableType:
     if not plan.shed_by_load:
         return Text("Nothing is shed.", "green")
-    from resilience.dispatch.reasons import REASONS
+    from resilience.planning.reasons import REASONS
 
     rows = []
     for load, reasons in sorted(plan.shed_by_load.items(), key=lambda x: -sum(x[1].values())):

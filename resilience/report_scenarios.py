@@ -9,7 +9,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from resilience.arrays import Floats
-from resilience.dispatch.scenario_plan import ScenarioPlan
+from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.report import GOOD, grid, percent
 
 ROWS = 12  # of the common schedule: more would not be read

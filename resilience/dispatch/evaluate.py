@@ -24,12 +24,12 @@ from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
 from resilience.dispatch.runs import BOUND, Factory, run_all
 from resilience.dispatch.saving import check_folder, save_report
 from resilience.dispatch.store import Store
-from resilience.dispatch.storms import storm_grid
 from resilience.errors import UsageError
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
+from resilience.planning.scenario_program import storm_grid
 from resilience.progress import phase
 from resilience.simulation.forecast import (
     MEASURED_CORRELATION,

@@ -23,7 +23,7 @@ import numpy as np
 from resilience.case import case_text
 from resilience.dispatch import statistics
 from resilience.dispatch.store import FOLDER as PARTS
-from resilience.results import check_replaceable, replacing
+from resilience.planning.plan import check_replaceable, replacing
 from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:

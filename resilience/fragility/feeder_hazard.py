@@ -31,7 +31,7 @@ from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
-from resilience.results import replacing
+from resilience.planning.plan import replacing
 
 MARK = "hazard.json"
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
+from resilience.planning.plan import Plan
 from resilience.plots import panels, style
-from resilience.results import Plan
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,8 @@ from resilience.plots.storm import plot_storm
 from resilience.plots.style import check_suffix
 
 if TYPE_CHECKING:
-    from resilience.dispatch.scenario_plan import ScenarioPlan
-    from resilience.results import Plan
+    from resilience.planning.plan import Plan
+    from resilience.planning.scenario_plan import ScenarioPlan
 
 
 def draw_run(
@@ -41,9 +41,9 @@ def draw_run(
         UsageError: the folder holds nothing that can be drawn, or not what is asked for.
     """
     from resilience.dispatch.comparison import is_comparison, load_comparison
-    from resilience.dispatch.scenario_plan import holds_scenario_plan, load_scenario_plan
     from resilience.dispatch.verdict import ranked
-    from resilience.results import load_plan
+    from resilience.planning.plan import load_plan
+    from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
 
     if out is not None:
         check_suffix(out)
@@ -71,7 +71,7 @@ def draw_run(
 
 def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
     """Draws a plan of either kind. Raises `UsageError` for a suffix that is no picture format."""
-    from resilience.results import Plan
+    from resilience.planning.plan import Plan
 
     if isinstance(plan, Plan):
         plot_plan(plan, path)

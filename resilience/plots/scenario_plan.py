@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.scenario_plan import ScenarioPlan
 from resilience.errors import UsageError
+from resilience.planning.plan import Table
+from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.plots import style
 from resilience.plots.style import COLOURS
-from resilience.results import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

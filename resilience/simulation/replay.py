@@ -30,7 +30,7 @@ from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 
 if TYPE_CHECKING:
-    from resilience.results import Plan
+    from resilience.planning.plan import Plan
 
 
 @dataclass(frozen=True)

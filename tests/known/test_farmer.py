@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from resilience.dispatch.extensive import extensive
-from resilience.dispatch.lshaped import Options, Solved, lshaped
-from resilience.dispatch.twostage import TwoStage
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.risk import Risk
+from resilience.planning.two_stage.extensive import extensive
+from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.planning.two_stage.two_stage import TwoStage
 
 Solve = Callable[[TwoStage, Options], Solved]
 CROPS = ("wheat", "corn", "beets")

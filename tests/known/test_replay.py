@@ -11,7 +11,7 @@ import pytest
 from small import small
 
 import resilience as rs
-from resilience.results import Plan, Table
+from resilience.planning.plan import Plan, Table
 from resilience.simulation.replay import Replayed, replay
 
 METHODS = [

@@ -39,7 +39,7 @@ def save_scenarios(scenarios: Scenarios, path: Path) -> None:
     Raises:
         UsageError: another suffix.
     """
-    from resilience.results import replacing_file
+    from resilience.planning.plan import replacing_file
 
     check_suffix(path)
     with replacing_file(path) as fresh:

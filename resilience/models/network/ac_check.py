@@ -21,7 +21,7 @@ from resilience.models.network.situation import Situation
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema.tables import DeviceTable, ESSTable, GeneratorTable, GridTable
-    from resilience.results import Plan
+    from resilience.planning.plan import Plan
 
 TOLERANCE = 1e-6  # pu, MVA or MW beyond a limit that count as none
 

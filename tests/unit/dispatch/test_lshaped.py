@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resilience.dispatch.extensive import extensive
-from resilience.dispatch.lshaped import Options, lshaped
-from resilience.dispatch.recourse import Recourse
-from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.risk import Risk
+from resilience.planning.two_stage.extensive import extensive
+from resilience.planning.two_stage.lshaped import Options, lshaped
+from resilience.planning.two_stage.recourse import Recourse
+from resilience.planning.two_stage.two_stage import TwoStage
 
 STATES = ("a", "b")
 TIGHT = Options(gap=1e-9)

@@ -11,12 +11,12 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.stochastic import Stochastic
-from resilience.dispatch.storms import storm_grid
 from resilience.fragility.beliefs.belief import BellBelief, case_belief
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
+from resilience.planning.scenario_program import storm_grid
 from resilience.simulation.world import World, simulate
 
 CASE = "ieee33_rammasun"

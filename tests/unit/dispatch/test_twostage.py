@@ -19,14 +19,14 @@ from typer.testing import CliRunner
 import resilience as rs
 from resilience.case import Case
 from resilience.cli import app
-from resilience.dispatch.scenario_plan import ScenarioPlan
-from resilience.dispatch.storm_solve import solve_storms, wait_and_see
-from resilience.dispatch.storms import Storms, storm_grid, storm_program
 from resilience.errors import InfeasibleError, UsageError
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.risk import Risk
+from resilience.planning.scenario_methods import solve_storms, wait_and_see
+from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenario_program import Storms, storm_grid, storm_program
 
 ALGORITHMS = ("extensive", "lshaped")
 

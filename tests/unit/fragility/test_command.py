@@ -10,7 +10,7 @@ import pytest
 import resilience as rs
 from resilience.cli import main
 from resilience.fragility import Bell, load_scenarios, sample_bell, sample_outages
-from resilience.results import outage_texts
+from resilience.planning.plan import outage_texts
 
 
 def call(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

@@ -7,12 +7,12 @@ import pytest
 from small import small
 
 from resilience.case import Case, load_case
-from resilience.dispatch.plan import solve
 from resilience.errors import UsageError
 from resilience.models.case_program import status
 from resilience.models.microgrid import microgrid
 from resilience.models.network.ac_check import certify, connected, roots
-from resilience.results import Plan, load_plan
+from resilience.planning.plan import Plan, load_plan
+from resilience.planning.solve import solve
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.results import UNITS, replacing
+from resilience.planning.plan import UNITS, replacing
 
 HEAD = """
 name = "small"

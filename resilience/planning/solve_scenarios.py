@@ -10,13 +10,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.dispatch import outcomes
-from resilience.dispatch.outcomes import Outcomes
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.dispatch.scenario_plan import HIGH, LOW, ScenarioPlan
 from resilience.dispatch.statistics import conditional_value_at_risk, worst
-from resilience.dispatch.storm_solve import TITLES, StormAnswer, solve_storms, wait_and_see
-from resilience.dispatch.storms import StormProgram, Storms, storm_grid, storm_program
 from resilience.errors import UsageError
 from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, sample_case
 from resilience.fragility.outages.bell import case_bell
@@ -25,12 +20,17 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.methods.answer import LATE, Options, gap
 from resilience.models.microgrid import Physics
 from resilience.models.risk import Risk
+from resilience.planning import outcomes
+from resilience.planning.outcomes import Outcomes
+from resilience.planning.plan import Table
+from resilience.planning.scenario_methods import TITLES, StormAnswer, solve_storms, wait_and_see
+from resilience.planning.scenario_plan import HIGH, LOW, ScenarioPlan
+from resilience.planning.scenario_program import StormProgram, Storms, storm_grid, storm_program
 from resilience.progress import phase
-from resilience.results import Table
 from resilience.simulation.world import World, simulate
 
 if TYPE_CHECKING:
-    from resilience.dispatch.plan import ScenarioOptions
+    from resilience.planning.solve import ScenarioOptions
 
 USUAL_SCENARIOS = 200
 SHED = 1e-6  # MWh from which on a scenario counts as shedding

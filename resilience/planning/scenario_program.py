@@ -14,7 +14,6 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, Outage
-from resilience.dispatch.twostage import IN, TwoStage
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
@@ -25,6 +24,7 @@ from resilience.models.microgrid import Microgrid, Physics, microgrid
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 from resilience.models.risk import Risk
+from resilience.planning.two_stage.two_stage import IN, TwoStage
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
-from resilience.dispatch.extensive import own_columns
-from resilience.dispatch.lshaped import Solved
-from resilience.dispatch.plan import tabulate
-from resilience.dispatch.storms import StormProgram
 from resilience.models.case_program import Problem
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
-from resilience.results import Table
+from resilience.planning.plan import Table
+from resilience.planning.scenario_program import StormProgram
+from resilience.planning.solve import tabulate
+from resilience.planning.two_stage.extensive import own_columns
+from resilience.planning.two_stage.lshaped import Solved
 from resilience.simulation.world import Trajectory, World
 
 

@@ -18,7 +18,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.twostage import Chain, TwoStage
 from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
@@ -26,6 +25,7 @@ from resilience.models.backends.lower import Discs, lower
 from resilience.models.methods.explain import grouped
 from resilience.models.program.dual_bound import safe_cut
 from resilience.models.program.standard import Standard, Vectors
+from resilience.planning.two_stage.two_stage import Chain, TwoStage
 
 PARTS = 4  # solvers side by side, whatever the number of workers
 CHAINS_OF_A_PART = 16  # fewer are not worth a cold start

@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.extensive import extensive
-from resilience.dispatch.lshaped import Options, Solved, lshaped
-from resilience.dispatch.master import Master
-from resilience.dispatch.recourse import Recourse
-from resilience.dispatch.storms import StormProgram, storm_program
-from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.backends.base import Status
 from resilience.models.methods.answer import CLOSED, Clock, gap, remains, sides, violated, widest
 from resilience.models.program.standard import Standard
+from resilience.planning.scenario_program import StormProgram, storm_program
+from resilience.planning.two_stage.extensive import extensive
+from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.planning.two_stage.master import Master
+from resilience.planning.two_stage.recourse import Recourse
+from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
 FEW_STORMS = 50

@@ -12,7 +12,6 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.schema.tables import DeviceTable
-from resilience.dispatch.reasons import shed_reasons
 from resilience.errors import UsageError
 from resilience.fragility.draw import outages_from
 from resilience.models.case_program import Problem, as_switched, horizon
@@ -21,14 +20,15 @@ from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
 from resilience.models.network.situation import Situation
 from resilience.models.program.referee import audit, settle
+from resilience.planning.plan import Plan, Table, outage_texts, replacing_file
+from resilience.planning.reasons import shed_reasons
 from resilience.progress import phase, stopwatch
-from resilience.results import Plan, Table, outage_texts, replacing_file
 from resilience.simulation.replay import per_slot, variables
 
 if TYPE_CHECKING:
-    from resilience.dispatch.scenario_plan import ScenarioPlan
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.models.risk import Risk
+    from resilience.planning.scenario_plan import ScenarioPlan
 
 Deterministic = Literal["lp", "milp", "socp", "nlp", "minlp", "exact"]
 
@@ -118,7 +118,7 @@ def solve(
         with phase("case"):
             case = case if isinstance(case, Case) else load_case(case)
         if scenario_based:
-            from resilience.dispatch.storm_plan import plan_over_scenarios
+            from resilience.planning.solve_scenarios import plan_over_scenarios
 
             limits = Options(time_limit, 1e-4 if relative_gap is None else relative_gap)
             found = plan_over_scenarios(case, method, physics, outages, seed, limits, options)

@@ -6,7 +6,7 @@ $$ \min_x \; \rho\left(c(x) + Q_s(x)\right), \qquad
 The trunk is what is decided now: it runs on as long as nothing has told one scenario from another.
 A scenario leaves it at the end of some node, with the state that the trunk has there, and from then
 on knows its own future. `tree` holds the trunk first, then chain by chain, so the same program is
-solved in one piece (`extensive`) or cut at the trunk (`resilience.dispatch.lshaped`).
+solved in one piece (`extensive`) or cut at the trunk (`resilience.planning.two_stage.lshaped`).
 """
 
 from __future__ import annotations

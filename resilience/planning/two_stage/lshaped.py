@@ -20,13 +20,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.master import Master, Trial
-from resilience.dispatch.recourse import Recourse, Second
-from resilience.dispatch.twostage import TwoStage
 from resilience.errors import SolverError
 from resilience.models.backends.base import Status
 from resilience.models.backends.lower import Discs
 from resilience.models.methods.answer import Clock, gap
+from resilience.planning.two_stage.master import Master, Trial
+from resilience.planning.two_stage.recourse import Recourse, Second
+from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
 ROUNDS = 200

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.lshaped import Options, Solved
-from resilience.dispatch.twostage import TwoStage
 from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution, Status
 from resilience.models.backends.highs import Highs
@@ -17,6 +15,8 @@ from resilience.models.methods.answer import gap
 from resilience.models.methods.explain import grouped
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.risk import RiskAverse, node_prices
+from resilience.planning.two_stage.lshaped import Options, Solved
+from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
 SHOWN = 6  # names of conflicting rows in an error
