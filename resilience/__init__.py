@@ -13,9 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network, Outage, case_names, load_case, parse_outages
-    from resilience.dispatch.certify import certify_trajectory
-    from resilience.dispatch.comparison import Comparison, load_comparison
-    from resilience.dispatch.evaluate import Report, compare, evaluate
     from resilience.dispatch.sddp.values import WaterValues, water_values
     from resilience.errors import (
         CaseError,
@@ -24,6 +21,9 @@ if TYPE_CHECKING:
         SolverError,
         UsageError,
     )
+    from resilience.evaluation.ac_check import certify_trajectory
+    from resilience.evaluation.compare import Report, compare, evaluate
+    from resilience.evaluation.comparison import Comparison, load_comparison
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.planning.plan import Plan, load_plan
@@ -45,12 +45,12 @@ _HOMES = {
     "case_names": "case",
     "load_case": "case",
     "parse_outages": "case",
-    "Comparison": "dispatch.comparison",
-    "load_comparison": "dispatch.comparison",
-    "Report": "dispatch.evaluate",
-    "certify_trajectory": "dispatch.certify",
-    "compare": "dispatch.evaluate",
-    "evaluate": "dispatch.evaluate",
+    "Comparison": "evaluation.comparison",
+    "load_comparison": "evaluation.comparison",
+    "Report": "evaluation.compare",
+    "certify_trajectory": "evaluation.ac_check",
+    "compare": "evaluation.compare",
+    "evaluate": "evaluation.compare",
     "solve": "planning.solve",
     "ScenarioPlan": "planning.scenario_plan",
     "load_scenario_plan": "planning.scenario_plan",

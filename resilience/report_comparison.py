@@ -16,13 +16,13 @@ from rich.table import Table
 from rich.text import Text
 
 from resilience.dispatch.registry import REFERENCE
-from resilience.dispatch.verdict import BOUND, verdict
+from resilience.evaluation.verdict import BOUND, verdict
 
 if TYPE_CHECKING:
     import pandas as pd
     from rich.console import Console
 
-    from resilience.dispatch.evaluate import Report
+    from resilience.evaluation.compare import Report
 
 GAP = 2  # blanks between columns
 Row = Mapping[str, Any]

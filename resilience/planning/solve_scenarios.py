@@ -11,8 +11,8 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.dispatch.statistics import conditional_value_at_risk, worst
 from resilience.errors import UsageError
+from resilience.evaluation.measures.statistics import conditional_value_at_risk, worst
 from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, sample_case
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios

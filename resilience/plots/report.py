@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.comparison import Compared
 from resilience.dispatch.registry import REFERENCE
-from resilience.dispatch.verdict import BOUND, days_of, verdict
+from resilience.evaluation.comparison import Compared
+from resilience.evaluation.verdict import BOUND, days_of, verdict
 from resilience.plots import style
 from resilience.plots.report_data import Record, daily_cost, has_bound, records
 

@@ -40,8 +40,8 @@ def draw_run(
     Raises:
         UsageError: the folder holds nothing that can be drawn, or not what is asked for.
     """
-    from resilience.dispatch.comparison import is_comparison, load_comparison
-    from resilience.dispatch.verdict import ranked
+    from resilience.evaluation.comparison import is_comparison, load_comparison
+    from resilience.evaluation.verdict import ranked
     from resilience.planning.plan import load_plan
     from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
 

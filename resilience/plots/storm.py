@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.comparison import Compared
+from resilience.evaluation.comparison import Compared
 from resilience.plots import panels, style
 from resilience.plots.storm_choice import Day, Storm, storm
 from resilience.plots.storm_data import Deed

@@ -11,8 +11,8 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case.networks.network import did_you_mean
-from resilience.dispatch.comparison import Compared, day_spans
 from resilience.errors import UsageError
+from resilience.evaluation.comparison import Compared, day_spans
 from resilience.plots.storm_data import Deed, Feeder, deed, feeder, load_groups
 
 if TYPE_CHECKING:

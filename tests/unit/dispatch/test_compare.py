@@ -13,11 +13,11 @@ from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
-from resilience.dispatch.clairvoyant import Replay, clairvoyant
-from resilience.dispatch.columns import AC_COLUMNS, COLUMNS
-from resilience.dispatch.evaluate import compare, held_out, parse_error
-from resilience.dispatch.measures import critical_loads
 from resilience.dispatch.registry import DISPATCHERS
+from resilience.evaluation.clairvoyant import Replay, clairvoyant
+from resilience.evaluation.columns import AC_COLUMNS, COLUMNS
+from resilience.evaluation.compare import compare, held_out, parse_error
+from resilience.evaluation.measures.measures import critical_loads
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid

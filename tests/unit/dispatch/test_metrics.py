@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from resilience.dispatch import metrics, trapezoid
 from resilience.errors import UsageError
+from resilience.evaluation.measures import metrics, trapezoid
 
 # Two loads of 2 and 1 MW, four slots of 15 min, three members: no shedding; the second load out in
 # slots 1 and 2; everything out in slot 0 and half of the first load in slot 3.

@@ -14,12 +14,12 @@ from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
-from resilience.dispatch import runs
-from resilience.dispatch.engines import spread
-from resilience.dispatch.evaluate import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
-from resilience.dispatch.store import Store, code
+from resilience.evaluation import runs
+from resilience.evaluation.compare import held_out
+from resilience.evaluation.engines import spread
+from resilience.evaluation.store import Store, code
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from resilience.dispatch import statistics
 from resilience.errors import UsageError
+from resilience.evaluation.measures import statistics
 
 
 def rng() -> np.random.Generator:

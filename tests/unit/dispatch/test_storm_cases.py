@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.dispatch.evaluate import compare, held_out
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.stochastic import Stochastic
+from resilience.evaluation.compare import compare, held_out
 from resilience.fragility.beliefs.belief import BellBelief, case_belief
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case

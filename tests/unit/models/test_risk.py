@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resilience.dispatch.statistics import conditional_value_at_risk
 from resilience.errors import UsageError
+from resilience.evaluation.measures.statistics import conditional_value_at_risk
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll

@@ -8,8 +8,8 @@ import numpy as np
 from small import small
 
 from resilience.case import Case
-from resilience.dispatch.comparison import Comparison
 from resilience.dispatch.registry import DISPATCHERS
+from resilience.evaluation.comparison import Comparison
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
 from resilience.simulation.world import Trajectory, World, simulate

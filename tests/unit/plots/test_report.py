@@ -9,8 +9,8 @@ import pytest
 from stormy import by_hand, chain, compared, cut
 
 import resilience as rs
-from resilience.dispatch.comparison import Comparison
-from resilience.dispatch.verdict import verdict
+from resilience.evaluation.comparison import Comparison
+from resilience.evaluation.verdict import verdict
 from resilience.plots.report_data import daily_cost, records
 from resilience.plots.style import COLOURS
 

@@ -11,8 +11,8 @@ from small import small
 from stormy import chain, compared, cut
 
 import resilience as rs
-from resilience.dispatch.comparison import Comparison
-from resilience.dispatch.evaluate import held_out
+from resilience.evaluation.compare import held_out
+from resilience.evaluation.comparison import Comparison
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.scenarios import Scenarios

@@ -8,12 +8,12 @@ from oracle import oracle
 from small import small
 
 import resilience as rs
-from resilience.dispatch import certify
-from resilience.dispatch.certify import certify_trajectory
-from resilience.dispatch.evaluate import held_out
-from resilience.dispatch.measures import demand
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
+from resilience.evaluation import ac_check as certify
+from resilience.evaluation.ac_check import certify_trajectory
+from resilience.evaluation.compare import held_out
+from resilience.evaluation.measures.measures import demand
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Bools, Floats
-from resilience.dispatch.measures import demand
+from resilience.evaluation.measures.measures import demand
 from resilience.models.network.ac_check import TOLERANCE, Carried, carry
 
 if TYPE_CHECKING:

@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.case import case_text
-from resilience.dispatch import statistics
-from resilience.dispatch.store import FOLDER as PARTS
+from resilience.evaluation.measures import statistics
+from resilience.evaluation.store import FOLDER as PARTS
 from resilience.planning.plan import check_replaceable, replacing
 from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from resilience.dispatch.judge import Report
+    from resilience.evaluation.report import Report
 
 
 MARK = "summary.json"

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch import statistics
+from resilience.evaluation.measures import statistics
 
 if TYPE_CHECKING:
-    from resilience.dispatch.certify import TrajectoryCertificate
-    from resilience.dispatch.judge import Report
+    from resilience.evaluation.ac_check import TrajectoryCertificate
+    from resilience.evaluation.report import Report
 
 COLUMNS = {
     "cost_per_day": "expected $: operating cost less the worth of the energy left",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats
-from resilience.dispatch import metrics
-from resilience.dispatch.metrics import Adequacy, InterruptionIndices, Service
-from resilience.dispatch.trapezoid import Trapezoid, lines_up_ratio, trapezoid
+from resilience.evaluation.measures import metrics
+from resilience.evaluation.measures.metrics import Adequacy, InterruptionIndices, Service
+from resilience.evaluation.measures.trapezoid import Trapezoid, lines_up_ratio, trapezoid
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.dispatch.metrics import check_step
 from resilience.errors import UsageError
+from resilience.evaluation.measures.metrics import check_step
 
 TOLERANCE_SHARE = 1e-9
 """Performance this far from normal is normal."""

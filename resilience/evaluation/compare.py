@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 
 from resilience.case import Case, load_case
-from resilience.dispatch.certify import certify_trajectory
-from resilience.dispatch.engines import Engine, check_engine
-from resilience.dispatch.judge import Report
-from resilience.dispatch.measures import demand, measure
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
-from resilience.dispatch.runs import BOUND, Factory, run_all
-from resilience.dispatch.saving import check_folder, save_report
-from resilience.dispatch.store import Store
 from resilience.errors import UsageError
+from resilience.evaluation.ac_check import certify_trajectory
+from resilience.evaluation.engines import Engine, check_engine
+from resilience.evaluation.measures.measures import demand, measure
+from resilience.evaluation.report import Report
+from resilience.evaluation.runs import BOUND, Factory, run_all
+from resilience.evaluation.saving import check_folder, save_report
+from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Floats
-from resilience.dispatch.metrics import weights
 from resilience.errors import UsageError
+from resilience.evaluation.measures.metrics import weights
 
 TRIVIAL_SHARE = 0.01
 """Below this room between rule 0.9 and the bound, no ranking means anything."""

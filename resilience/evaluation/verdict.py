@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.comparison import Compared
 from resilience.dispatch.registry import REFERENCE
-from resilience.dispatch.statistics import MeanInterval, mean_interval, triviality
+from resilience.evaluation.comparison import Compared
+from resilience.evaluation.measures.statistics import MeanInterval, mean_interval, triviality
 
 BOUND = "clairvoyant"
 SAME_MWH = 5e-4

@@ -14,14 +14,14 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.dispatch import statistics
-from resilience.dispatch.certify import TrajectoryCertificate
-from resilience.dispatch.columns import expected, row
-from resilience.dispatch.measures import Measures, infrastructure
-from resilience.dispatch.metrics import Adequacy
 from resilience.dispatch.registry import REFERENCE
-from resilience.dispatch.runs import BOUND
-from resilience.dispatch.statistics import MeanInterval
+from resilience.evaluation.ac_check import TrajectoryCertificate
+from resilience.evaluation.columns import expected, row
+from resilience.evaluation.measures import statistics
+from resilience.evaluation.measures.measures import Measures, infrastructure
+from resilience.evaluation.measures.metrics import Adequacy
+from resilience.evaluation.measures.statistics import MeanInterval
+from resilience.evaluation.runs import BOUND
 from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
@@ -252,7 +252,7 @@ class Report:
         Raises:
             UsageError: the folder holds something that is no earlier report.
         """
-        from resilience.dispatch.saving import save_report
+        from resilience.evaluation.saving import save_report
 
         return save_report(self, Path(folder))
 

@@ -16,10 +16,10 @@ from functools import partial
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.dispatch.clairvoyant import Replay, clairvoyant
-from resilience.dispatch.engines import Engine, spread
 from resilience.dispatch.registry import BATCHED
-from resilience.dispatch.store import Store
+from resilience.evaluation.clairvoyant import Replay, clairvoyant
+from resilience.evaluation.engines import Engine, spread
+from resilience.evaluation.store import Store
 from resilience.models.simulator import NetworkSimulator
 from resilience.progress import Meter, meter
 from resilience.simulation.trajectory import Trajectory, joined
