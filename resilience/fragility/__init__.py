@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from resilience.fragility.outages.repair import Repair
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
-    from resilience.fragility.report import print_scenarios, summary
     from resilience.simulation.forecast import ForecastError, sample_profiles
+    from resilience.text.scenarios import print_scenarios, summary
 
 _HOMES = {
     "CURVES": "curves",

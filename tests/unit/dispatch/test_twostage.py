@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import resilience as rs
 from resilience.case import Case
-from resilience.cli import app
+from resilience.cli.main import app
 from resilience.errors import InfeasibleError, UsageError
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell

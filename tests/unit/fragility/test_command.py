@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import resilience as rs
-from resilience.cli import main
+from resilience.cli.main import main
 from resilience.fragility import Bell, load_scenarios, sample_bell, sample_outages
 from resilience.planning.plan import outage_texts
 

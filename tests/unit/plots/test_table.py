@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import resilience as rs
-from resilience.report_comparison import COLUMNS, Column, chosen, print_report
+from resilience.text.comparison import COLUMNS, Column, chosen, print_report
 
 WIDTHS = (60, 80, 120, 160)
 
@@ -61,7 +61,7 @@ def test_columns_have_ranks_and_heads_of_their_own() -> None:
 
 def test_a_new_column_is_a_line(report: rs.Report, monkeypatch: pytest.MonkeyPatch) -> None:
     extra = Column("risk", "risk", "$/day", 1, 1, "made up")
-    monkeypatch.setattr("resilience.report_comparison.COLUMNS", (*COLUMNS, extra))
+    monkeypatch.setattr("resilience.text.comparison.COLUMNS", (*COLUMNS, extra))
     frame = report.frame().assign(risk=[1234.56, math.nan, 0.0, -0.04, 9.0])
     assert chosen(frame, 80)[-1] is extra
     assert extra.texts(frame) == ["1234.6", "", "0.0", "0.0", "9.0"]

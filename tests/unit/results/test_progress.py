@@ -8,8 +8,8 @@ import logging
 import pytest
 from rich.console import Console
 
+from resilience.cli.terminal import Ticker, _display
 from resilience.progress import Meter, meter, stopwatch, watching
-from resilience.terminal import Ticker, _display
 
 
 def test_a_meter_tells_who_watches() -> None:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from resilience import options as given
-from resilience.cli_case import case_app
-from resilience.cli_storms import hazard, scenarios
-from resilience.terminal import progress as _progress
-from resilience.terminal import written
+from resilience.cli import options as given
+from resilience.cli.case import case_app
+from resilience.cli.storms import hazard, scenarios
+from resilience.cli.terminal import progress as _progress
+from resilience.cli.terminal import written
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -91,8 +91,8 @@ def _print(plan: Plan | ScenarioPlan) -> None:
     from rich.console import Console
 
     from resilience.planning.scenario_plan import ScenarioPlan
-    from resilience.report import print_plan
-    from resilience.report_scenarios import print_scenario_plan
+    from resilience.text.plan import print_plan
+    from resilience.text.scenario_plan import print_scenario_plan
 
     if isinstance(plan, ScenarioPlan):
         print_scenario_plan(plan, Console())
@@ -156,7 +156,7 @@ def compare(
         return
     from rich.console import Console
 
-    from resilience.report_comparison import print_report
+    from resilience.text.comparison import print_report
 
     print_report(report, Console())
     written(("report", out), ("picture", plot))

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from resilience.arrays import Floats
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.report import GOOD, grid, percent
+from resilience.text.plan import GOOD, grid, percent
 
 ROWS = 12  # of the common schedule: more would not be read
 

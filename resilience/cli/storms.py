@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from resilience import options as given
-from resilience.fragility import options as bell_options
-from resilience.terminal import written
+from resilience.cli import bell_options as bell_options
+from resilience.cli import options as given
+from resilience.cli.terminal import written
 
 BELL = frozenset(
     [
@@ -118,7 +118,7 @@ def hazard(
         return
     from rich.console import Console
 
-    from resilience.report_hazard import print_hazard
+    from resilience.text.hazard import print_hazard
 
     print_hazard(found, Console())
     written(("tables", out), ("picture", plot))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from resilience import options as given
+from resilience.cli import options as given
 
 case_app = typer.Typer(no_args_is_help=True, help="Make, check and look at case files.")
 
@@ -64,7 +64,7 @@ def show(case: given.CaseName) -> None:
     from rich.console import Console
 
     from resilience import load_case
-    from resilience.report import print_case
+    from resilience.text.plan import print_case
 
     print_case(load_case(case), Console())
 
