@@ -8,8 +8,9 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
-from resilience.evaluation.compare import compare, held_out
+from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from resilience.case import Case, load_case
-from resilience.case.schema.tables import ESSTable, PVTable
+from resilience.case.schema import ESSTable, PVTable
 from resilience.case.starter import new_case_text
 
 SLOTS, STEP_MIN = 24, 60.0

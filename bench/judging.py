@@ -7,11 +7,11 @@ from functools import partial
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation.ac_check import certify_trajectory
 from resilience.evaluation.clairvoyant import clairvoyant
-from resilience.evaluation.compare import held_out
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import microgrid

@@ -23,7 +23,7 @@ from resilience.planning.solve import solve
 
 ROOT = Path(__file__).parents[1]
 LIMIT_S, GRACE_S = 60, 3
-MAIN = "from resilience.cli.main import main; main()"
+MAIN = "from resilience.cli import main; main()"
 
 
 def help_text() -> Iterator[Row]:

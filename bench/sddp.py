@@ -8,10 +8,10 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.case import load_case
+from resilience.case.days import held_out
 from resilience.dispatch.sddp.book import Book
 from resilience.dispatch.sddp.policy import PATHS, Sddp
 from resilience.dispatch.sddp.training import simulated
-from resilience.evaluation.compare import held_out
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import microgrid

@@ -15,8 +15,9 @@ import numpy as np
 from bench.row import Row, below, timed
 from resilience.case import Case, load_case
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.planning.scenario_program import StormProgram, Storms, storm_grid, storm_program
+from resilience.planning.scenario_program import StormProgram, Storms, storm_program
 from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.simulation.world import grid_with_fallible_lines
 
 COMMON, RECOURSE = 16, 32
 GAP = 1e-4
@@ -56,7 +57,7 @@ def _row(name: str, case: Case, physics: str, n: int, more: int, most: float) ->
     scenarios = outages(case, n, more)
 
     def solve() -> tuple[StormProgram, Solved]:
-        grid = storm_grid(case, scenarios, physics)
+        grid = grid_with_fallible_lines(case, scenarios, physics)
         made = storm_program(grid, Storms.among(scenarios, case), common_slots=COMMON)
         options = Options(gap=GAP, workers=os.cpu_count() or 1, start=made.mean_states())
         return made, lshaped(made.two, options)

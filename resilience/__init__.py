@@ -35,10 +35,17 @@ if TYPE_CHECKING:
     from resilience.plots.scenario_plan import plot_scenario_plan
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
+    from resilience.simulation.forecast import ForecastError, sample_profiles
     from resilience.simulation.replay import replay
     from resilience.simulation.trajectory import Trajectory
+    from resilience.simulation.world import Dispatcher, Observation, World
 
 _HOMES = {
+    "ForecastError": "simulation.forecast",
+    "sample_profiles": "simulation.forecast",
+    "World": "simulation.world",
+    "Observation": "simulation.world",
+    "Dispatcher": "simulation.world",
     "Case": "case",
     "Network": "case",
     "Outage": "case",
@@ -80,9 +87,12 @@ __all__ = [
     "Case",
     "CaseError",
     "Comparison",
+    "Dispatcher",
+    "ForecastError",
     "Hazard",
     "InfeasibleError",
     "Network",
+    "Observation",
     "Outage",
     "Plan",
     "Report",
@@ -93,6 +103,7 @@ __all__ = [
     "Trajectory",
     "UsageError",
     "WaterValues",
+    "World",
     "case_names",
     "certify_trajectory",
     "compare",
@@ -110,6 +121,7 @@ __all__ = [
     "plot_storm",
     "plot_water_values",
     "replay",
+    "sample_profiles",
     "solve",
     "water_values",
 ]

@@ -19,7 +19,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the page."""
     from typer.main import get_command
 
-    from resilience.cli.main import app
+    from resilience.cli import app
 
     text = HEAD + "".join(sections(get_command(app), "resilience"))
     files.append(File.generated(config, "reference/cli.md", content=text))

@@ -9,7 +9,7 @@ from resilience.case.document import case_names
 from resilience.case.load import load_case
 from resilience.case.networks.network import Network
 from resilience.case.outages import parse_outages
-from resilience.case.schema.tables import (
+from resilience.case.schema import (
     ESSTable,
     GeneratorTable,
     GridTable,

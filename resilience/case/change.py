@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,7 @@ from resilience.case.cloud import bare_profile
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document
 from resilience.case.outages import outage_texts, parse_outages
-from resilience.case.schema.fields import Table
-from resilience.case.schema.tables import DEVICES, PVTable
+from resilience.case.schema import DEVICES, PVTable, Table
 from resilience.case.window import Window
 from resilience.errors import UsageError
 
@@ -24,10 +23,8 @@ _TABLES = {"outage", "geography", "storm"}
 _HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
 
 
-def replace_case(case: Case, changes: dict[str, Any]) -> Case:
-    """Return a changed copy of a case; see `Case.replace`."""
-    from resilience.case.load import build_case
-
+def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document], Case]) -> Case:
+    """Return a changed copy of a case; see `Case.replace`. `build` reads and checks a document."""
     known = {*_HORIZON, *_HEAD, *_LISTS, *_TABLES, "profiles", "outages"}
     for key in changes.keys() - known:
         hint = "it can replace " + ", ".join(sorted(known))
@@ -46,7 +43,7 @@ def replace_case(case: Case, changes: dict[str, Any]) -> Case:
     elif any(key in changes for key in _HORIZON):
         _shift_columns(case, data, changes)
     data["time"] = {key: changes.get(key, getattr(case, key)) for key in _HORIZON}
-    moved = build_case(Document(case.path, data))
+    moved = build(Document(case.path, data))
     outages = _outages(case, moved, changes.get("outages"))
     data["outages"] = outage_texts(outages, moved.window)
     return dataclasses.replace(moved, outages=outages)

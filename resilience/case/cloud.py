@@ -17,8 +17,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.checks.parts import Parts
-from resilience.case.schema.storm import StormTable
-from resilience.case.schema.tables import PVTable
+from resilience.case.schema import PVTable, StormTable
 from resilience.case.window import Window
 
 EARTH_KM = 6371.0

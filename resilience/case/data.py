@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -12,16 +12,17 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.networks.network import Network
-from resilience.case.schema.storm import GeographyTable, StormTable
-from resilience.case.schema.tables import (
+from resilience.case.schema import (
     DEVICES,
     ESSTable,
     GeneratorTable,
+    GeographyTable,
     GridTable,
     LineTable,
     LoadTable,
     OutageTable,
     PVTable,
+    StormTable,
 )
 from resilience.case.window import Window
 from resilience.errors import UsageError
@@ -46,7 +47,8 @@ class Case:
     of the network. `outages` are those to plan for, `outage` is
     the process that others are drawn from, unless there is a `storm`. `places` are the (x, y) of
     buses in the network's source, and `geography` says how they are points on the earth. `source`
-    is the merged case file as plain data.
+    is the merged case file as plain data, and `rebuild` reads it again
+    with changes; whoever reads cases gives itself.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Case:
     terminal_value_per_mwh: float
     reserve_price_per_mwh: float | None
     source: dict[str, Any]
+    rebuild: Callable[[Case, dict[str, Any]], Case] = field(repr=False)
     outage: OutageTable = field(default_factory=OutageTable)
     geography: GeographyTable | None = None
     storm: StormTable | None = None
@@ -109,9 +112,7 @@ class Case:
         times of day and date, as far as they fall into the new horizon. `outages` may be text, as
         in a case file. Raises `CaseError` where the result is no valid case.
         """
-        from resilience.case.change import replace_case
-
-        return replace_case(self, changes)
+        return self.rebuild(self, changes)
 
     def with_line(self, name: str, **changes: Any) -> Case:
         """Return a copy with other values for one line: `case.with_line("5-6", hardening=1.5)`.
@@ -119,12 +120,10 @@ class Case:
         Takes the keys of `[[line]]`. Raises `UsageError` for a line the network lacks, and
         `CaseError` where the result is no valid case.
         """
-        from resilience.case.change import replace_case
-
         self.network.line(name)
         lines = {line.name: line for line in self.line}
         changed = lines.get(name, LineTable(name=name)).model_copy(update=changes)
-        return replace_case(self, {"line": [*(lines | {name: changed}).values()]})
+        return self.rebuild(self, {"line": [*(lines | {name: changed}).values()]})
 
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from resilience.arrays import Floats
+from resilience.case.change import replace_case
 from resilience.case.checks.geography import check_geography
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.reserve import check_reserve
@@ -16,24 +17,26 @@ from resilience.case.checks.whole import check_parts
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document, find_case, read_document
-from resilience.case.networks.feeder import FeederError, finish_network, read_feeder
+from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.inline import read_inline
 from resilience.case.networks.network import did_you_mean
+from resilience.case.networks.read import finish_network, read_feeder
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.profiles import read_profiles
-from resilience.case.schema.storm import GeographyTable, StormTable
-from resilience.case.schema.tables import (
+from resilience.case.reading import read_list, read_table, show, unknown_key
+from resilience.case.schema import (
     DEVICES,
     CaseTable,
     DefaultsTable,
+    GeographyTable,
     HeadTable,
     LineTable,
     NetworkTable,
     OutageTable,
     ProfilesTable,
+    StormTable,
     TimeTable,
 )
-from resilience.case.tables import read_list, read_table, show, unknown_key
 from resilience.case.tariff import tariff_profiles
 from resilience.case.window import Window
 from resilience.errors import CaseError
@@ -92,8 +95,13 @@ def build_case(document: Document) -> Case:
         terminal_value_per_mwh=head.terminal_value_per_mwh,
         reserve_price_per_mwh=head.reserve_price_per_mwh,
         source=document.data,
+        rebuild=_rebuild,
         **devices,
     )
+
+
+def _rebuild(case: Case, changes: dict[str, Any]) -> Case:
+    return replace_case(case, changes, build_case)
 
 
 def _read_head(document: Document) -> HeadTable:

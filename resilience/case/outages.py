@@ -10,16 +10,14 @@ import csv
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import datetime, time, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
+from resilience.case.data import Outage
 from resilience.case.networks.network import Network
 from resilience.case.window import Window
 from resilience.errors import CaseError, Problem, UsageError
-
-if TYPE_CHECKING:
-    from resilience.case.data import Outage
 
 _TIME = r"(?:\d{4}-\d\d-\d\d[T ]|d\d+ )?\d{1,2}:\d\d(?::\d\d)?"
 _SPEC = re.compile(rf"\s*(?P<line>.+?)\s*@\s*(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})\s*")
@@ -113,8 +111,6 @@ def place_outages(
 
     Either of `network` and `window` may be missing: what needs it is then not checked.
     """
-    from resilience.case.data import Outage
-
     outages, problems = [], []
     for spec in specs:
         if network is not None and not network.has_line(spec.line):
@@ -168,8 +164,17 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
 
 
 def outage_texts(outages: Iterable[Outage], window: Window) -> list[str]:
-    """Write outages as a case file does. The inverse of reading them."""
+    """Write outages as a case file and `--outages` have them. The inverse of reading them."""
     return [
-        f"{o.line}@{window.text(window.time(o.first))}-{window.text(window.time(o.stop))}"
-        for o in outages
+        f"{outage.line}@{window.label(outage.first)}-{_end_text(outage.stop, window)}"
+        for outage in outages
     ]
+
+
+def _end_text(stop: int, window: Window) -> str:
+    """When slot `stop` begins; midnight is `24:00` of the day that ends."""
+    end = window.time(stop)
+    if end.time() != time():
+        return window.text(end)
+    *day, _ = window.label(stop - 1).split(" ")
+    return " ".join([*day, "24:00"])

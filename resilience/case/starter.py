@@ -7,14 +7,9 @@ import math
 from collections import defaultdict
 from pathlib import Path
 
-from resilience.case.networks.feeder import (
-    Feeder,
-    FeederError,
-    Injection,
-    read_feeder,
-    unique_names,
-)
-from resilience.case.schema.tables import NetworkTable
+from resilience.case.networks.feeder import Feeder, FeederError, Injection, unique_names
+from resilience.case.networks.read import read_feeder
+from resilience.case.schema import NetworkTable
 from resilience.errors import UsageError
 
 _HEAD = """\

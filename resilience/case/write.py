@@ -11,7 +11,7 @@ from resilience.case.change import plain
 from resilience.case.cloud import is_reduced
 from resilience.case.data import Case
 from resilience.case.outages import outage_texts
-from resilience.case.schema.tables import DEVICES
+from resilience.case.schema import DEVICES
 
 
 def case_text(case: Case) -> str:

@@ -1,4 +1,4 @@
-"""The settings of the bell as options of a command line; see `resilience.fragility.outages.bell.Bell`."""
+"""The settings of the bell as options of a command line; see `Bell`."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def new(
     """Write a starter case for a network: its loads and sources, and examples to fill in."""
     from resilience.case import new_case_text
     from resilience.errors import UsageError
-    from resilience.planning.plan import replacing_file
+    from resilience.files import replacing_file
 
     if out is not None and out.exists():
         raise UsageError(f"{out} exists", hint="name a new file")

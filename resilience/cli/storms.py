@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from resilience.cli import bell_options as bell_options
+from resilience.cli import bell_options
 from resilience.cli import options as given
 from resilience.cli.terminal import written
 
@@ -69,9 +69,10 @@ def scenarios(
     from rich.console import Console
 
     from resilience import load_case
-    from resilience.fragility import load_behind_mw, print_scenarios, reduced, summary
+    from resilience.fragility import load_behind_mw, reduced, summary
     from resilience.fragility.draw import draw
-    from resilience.fragility.outages.files import check_suffix
+    from resilience.fragility.outages.scenarios import check_suffix
+    from resilience.text.scenarios import print_scenarios
 
     if out is not None:
         check_suffix(out)

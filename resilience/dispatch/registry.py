@@ -9,7 +9,7 @@ from resilience.dispatch.rules import Greedy, Idle, Rule
 from resilience.dispatch.sddp.policy import Sddp
 from resilience.dispatch.stochastic import Stochastic
 from resilience.errors import UsageError
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.simulation.world import Dispatcher, World
 
 REFERENCE = "rule-0.9"

@@ -15,7 +15,7 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.window_program import MEAN, Program, Steps, Window, check_storage
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.simulation.world import Observation, World
 
 

@@ -21,10 +21,11 @@ from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.backends.risk_averse import RiskAverse
 from resilience.models.language.tree import Tree
+from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.models.risk import Risk, RiskAverse
 from resilience.simulation.world import Forecast
 
 MEAN = Risk()

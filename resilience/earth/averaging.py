@@ -4,21 +4,15 @@ Agencies report the largest wind as means over 1, 2, 3 or 10 minutes, and estima
 ways. The relations v = a v(1 min) + b, in knots, are those CLIMADA uses for the agency columns of
 IBTrACS. Winds of no known agency are converted by their averaging time alone: 10 minutes by 0.88,
 the convention of the agencies of the southern hemisphere, 2 minutes as CMA's, 3 as New Delhi's.
-
-It stands outside `tracks` so that the checks of a case can read it without all of that package.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from resilience.arrays import Floats
-
-if TYPE_CHECKING:
-    from resilience.fragility.tracks.track import Track
 
 KNOT_MPS = 0.514444
 NAUTICAL_MILE_KM = 1.852
@@ -50,14 +44,6 @@ NAMELESS: dict[float, Agency] = {
     180.0: AGENCIES["newdelhi"],
     600.0: AGENCIES["bom"],
 }
-
-
-def one_minute(track: Track) -> Track:
-    """The track with winds as means over one minute; itself where they are."""
-    if track.averaging_s == 60.0:
-        return track
-    v = to_one_minute(track.vmax_mps, relation(track.averaging_s, track.agency))
-    return replace(track, vmax_mps=v, averaging_s=60.0, agency="usa")
 
 
 def relation(averaging_s: float, agency: str = "") -> Agency:

@@ -1,0 +1,1 @@
+"""Dispatchers judged on the same storms, against the clairvoyant bound."""

@@ -5,16 +5,13 @@ Expectations weigh the episodes by their probabilities. `per_day` is per day of 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.evaluation.ac_check import TrajectoryCertificate
+from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
-
-if TYPE_CHECKING:
-    from resilience.evaluation.ac_check import TrajectoryCertificate
-    from resilience.evaluation.report import Report
+from resilience.models.program import risk_measures
 
 COLUMNS = {
     "cost_per_day": "expected $: operating cost less the worth of the energy left",
@@ -66,44 +63,38 @@ AC_COLUMNS = {
 """The same of what AC power flow finds, with `ac=True`."""
 
 
-def row(report: Report, name: str, seed: int) -> dict[str, float]:
+def row(judged: Judged, name: str, seed: int) -> dict[str, float]:
     """All columns of one method."""
-    found = _costs(report, name) | _against_rule(report, name, seed)
-    found |= _service(report, name) | _times(report, name)
-    if report.certificates is not None:
-        found |= _ac(report.certificates[name], report.days, report.scenarios.probability)
+    found = _costs(judged, name) | _against_rule(judged, name, seed)
+    found |= _service(judged, name) | _times(judged, name)
+    if judged.certificates is not None:
+        found |= _ac(judged.certificates[name], judged.days, judged.scenarios.probability)
     return {column: found[column] for column in (*COLUMNS, *AC_COLUMNS) if column in found}
 
 
-def expected(values: Floats, likely: Floats) -> float:
-    """The mean by probability of the values that are there; NaN where none is."""
-    there = np.isfinite(values) & (likely > 0)
-    weight = float(likely[there].sum())
-    return float(likely[there] @ values[there]) / weight if weight else float("nan")
-
-
-def _costs(report: Report, name: str) -> dict[str, float]:
-    cost, likely, days = report.objective[name], report.scenarios.probability, report.days
+def _costs(judged: Judged, name: str) -> dict[str, float]:
+    cost, likely, days = judged.objective[name], judged.scenarios.probability, judged.days
     alike = np.ptp(likely) <= 1e-12
-    rule = report.objective[report.reference]
+    rule = judged.objective[judged.reference]
     return {
-        "cost_per_day": expected(cost, likely) / days,
+        "cost_per_day": statistics.expected(cost, likely) / days,
         "iqm_per_day": statistics.interquartile_mean(cost) / days if alike else float("nan"),
-        "cvar95_per_day": statistics.conditional_value_at_risk(cost, 0.95, likely) / days,
-        "worst_per_day": statistics.worst(cost, likely) / days,
-        "worst_day": report.measures[name].worst_day[0],
-        "gap_percent": 100.0 * expected(statistics.gap_to_bound(cost, report.bound), likely),
-        "score": expected(statistics.score(cost, rule, report.bound), likely),
+        "cvar95_per_day": risk_measures.conditional_value_at_risk(cost, 0.95, likely) / days,
+        "worst_per_day": risk_measures.worst(cost, likely) / days,
+        "worst_day": judged.measures[name].worst_day[0],
+        "gap_percent": 100.0
+        * statistics.expected(statistics.gap_to_bound(cost, judged.bound), likely),
+        "score": statistics.expected(statistics.score(cost, rule, judged.bound), likely),
         "perfect_information_per_day": statistics.value_of_perfect_information(
-            cost, report.bound, likely
+            cost, judged.bound, likely
         )
         / days,
-        "end_energy_mwh": expected(report.trajectories[name].credited_mwh, likely),
+        "end_energy_mwh": statistics.expected(judged.trajectories[name].credited_mwh, likely),
     }
 
 
-def _against_rule(report: Report, name: str, seed: int) -> dict[str, float]:
-    more = report.difference(name, report.reference, seed)
+def _against_rule(judged: Judged, name: str, seed: int) -> dict[str, float]:
+    more = judged.difference(name, judged.reference, seed)
     return {
         "over_rule_per_day": more.mean,
         "over_rule_low": more.low,
@@ -111,8 +102,8 @@ def _against_rule(report: Report, name: str, seed: int) -> dict[str, float]:
     }
 
 
-def _service(report: Report, name: str) -> dict[str, float]:
-    found, likely, days = report.measures[name], report.scenarios.probability, report.days
+def _service(judged: Judged, name: str) -> dict[str, float]:
+    found, likely, days = judged.measures[name], judged.scenarios.probability, judged.days
     service, shape = found.adequacy, found.shape
     critical = found.has_critical
     none = float("nan")
@@ -126,18 +117,18 @@ def _service(report: Report, name: str) -> dict[str, float]:
         "served_percent": 100.0 * service.served_share,
         "critical_served_percent": 100.0 * service.critical_served_share if critical else none,
         "critical_whole": service.p_critical_served if critical else none,
-        "asidi_h_per_day": expected(found.indices.asidi_h, likely) / days,
-        "asifi_per_day": expected(found.indices.asifi, likely) / days,
-        "trapezoid_phi_per_h": expected(shape.phi_per_h, likely),
-        "trapezoid_lambda": expected(shape.lambda_share, likely),
-        "trapezoid_e_h": expected(shape.e_h, likely),
-        "trapezoid_pi_per_h": expected(shape.pi_per_h, likely),
-        "trapezoid_area": expected(shape.area_h, likely) / (24.0 * days),
+        "asidi_h_per_day": statistics.expected(found.indices.asidi_h, likely) / days,
+        "asifi_per_day": statistics.expected(found.indices.asifi, likely) / days,
+        "trapezoid_phi_per_h": statistics.expected(shape.phi_per_h, likely),
+        "trapezoid_lambda": statistics.expected(shape.lambda_share, likely),
+        "trapezoid_e_h": statistics.expected(shape.e_h, likely),
+        "trapezoid_pi_per_h": statistics.expected(shape.pi_per_h, likely),
+        "trapezoid_area": statistics.expected(shape.area_h, likely) / (24.0 * days),
     }
 
 
-def _times(report: Report, name: str) -> dict[str, float]:
-    run = report.trajectories[name]
+def _times(judged: Judged, name: str) -> dict[str, float]:
+    run = judged.trajectories[name]
     decisions = run.cost.size
     return {
         "build_s": run.build_seconds,

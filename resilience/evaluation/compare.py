@@ -7,15 +7,14 @@ of charge carried over.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from resilience.case import Case, load_case
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
 from resilience.errors import UsageError
 from resilience.evaluation.ac_check import certify_trajectory
@@ -23,13 +22,12 @@ from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import demand, measure
 from resilience.evaluation.report import Report
 from resilience.evaluation.runs import BOUND, Factory, run_all
-from resilience.evaluation.saving import check_folder, save_report
+from resilience.evaluation.saving import check_folder
 from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
-from resilience.planning.scenario_program import storm_grid
 from resilience.progress import phase
 from resilience.simulation.forecast import (
     MEASURED_CORRELATION,
@@ -37,10 +35,8 @@ from resilience.simulation.forecast import (
     ForecastError,
     sample_outlook,
 )
-from resilience.simulation.world import World
+from resilience.simulation.world import World, grid_with_fallible_lines
 
-USUAL_DAYS = 16
-TEST_SHARE = 0.25  # of the days of the profiles, the last ones: nothing is tuned on them
 ERRORS = {
     "ar1": ForecastError(MEASURED_SIGMA, MEASURED_CORRELATION),
     "gaussian": ForecastError(MEASURED_SIGMA, 0.0),
@@ -105,7 +101,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     told = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
     rules: dict[str, Any] = {"known_centre": known_centre, "reset_daily": reset_daily}
     rules |= {"end_value_per_mwh": end_value_per_mwh, "outlook": outlook}
-    world = World.of(storm_grid(case, storms, physics), storms, **rules)
+    world = World.of(grid_with_fallible_lines(case, storms, physics), storms, **rules)
     return evaluate(
         world, made, workers=workers, engine=engine, ac=ac, out=out, forecast_error=told
     )
@@ -166,7 +162,7 @@ def evaluate(
     )
     if out is not None:
         with phase("writing"):
-            save_report(report, Path(out))
+            report.save(out)
     return report
 
 
@@ -216,44 +212,3 @@ def parse_error(text: ForecastError | str | None) -> ForecastError | None:
 def _error_seed(seed: int) -> int:
     """A seed for forecast errors: the same one would repeat the streams of the outages."""
     return int(np.random.SeedSequence([seed, 1]).generate_state(1)[0])
-
-
-def held_out(case: Case, days: int | None = None) -> Case:
-    """The case over the last `days` days of its profiles, which nothing is tuned on.
-
-    A case with a storm keeps its own horizon, without the outages to plan for.
-
-    Raises:
-        UsageError: more days than the last quarter of the profiles has; a case without a profile
-            file keeps its own horizon and must have as many days; days of a case with a storm.
-    """
-    if case.storm is not None and case.storm.points:
-        if days is not None:
-            raise UsageError(
-                f"--days {days} of case {case.name!r}; allowed: its own horizon, {case.window}",
-                hint="leave out --days: its storm comes once, on the days that the case says",
-            )
-        return case.replace(outages=())
-    days = USUAL_DAYS if days is None else days
-    file = case.source.get("profiles", {}).get("file")
-    per_day = round(24 * 60 / case.step_min)
-    if file is None:
-        if case.slots != days * per_day:
-            raise UsageError(
-                f"case {case.name!r} has no profile file beyond its {case.slots} slots; "
-                f"allowed: --days {case.slots // per_day}",
-                hint="name a profile file in [profiles] to evaluate on more days",
-            )
-        return case
-    from resilience.case.profiles import read_profile_file
-
-    times = read_profile_file(Path(file)).times
-    whole = len(times) // per_day
-    most = math.ceil(TEST_SHARE * whole)
-    if not 0 < days <= most:
-        raise UsageError(
-            f"--days {days}; allowed: 1 to {most}, the last quarter of the {whole} in the profiles",
-            hint="the days before are for tuning and training",
-        )
-    first: datetime = times[(whole - days) * per_day].astype("datetime64[s]").item()
-    return case.replace(start=first, slots=days * per_day, outages=())

@@ -15,21 +15,21 @@ parts/                finished parts, if the comparison was made with `out`
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from resilience.case import case_text
+from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.store import FOLDER as PARTS
-from resilience.planning.plan import check_replaceable, replacing
+from resilience.files import check_replaceable, replacing
 from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from resilience.evaluation.report import Report
 
 
 MARK = "summary.json"
@@ -44,48 +44,57 @@ def check_folder(folder: Path) -> None:
     check_replaceable(folder, MARK, PARTS)
 
 
-def save_report(report: Report, folder: Path) -> Path:
-    """Writes all files; an earlier report is replaced, finished parts are kept."""
+def save_report(
+    judged: Judged, frame: pd.DataFrame, summary: Mapping[str, Any], folder: Path
+) -> Path:
+    """Writes all files; an earlier report is replaced, finished parts are kept.
+
+    Args:
+        judged: the comparison.
+        frame: a row per method.
+        summary: what stands in `summary.json`.
+        folder: where.
+    """
     import pandas as pd
 
     with replacing(folder, MARK, keep=PARTS) as target:
-        report.frame().to_parquet(target / "report.parquet")
-        report.frame().to_csv(target / "report.csv")
-        report.differences().to_parquet(target / "differences.parquet")
-        pd.DataFrame({**report.objective, "bound": report.bound}).to_parquet(
+        frame.to_parquet(target / "report.parquet")
+        frame.to_csv(target / "report.csv")
+        judged.differences().to_parquet(target / "differences.parquet")
+        pd.DataFrame({**judged.objective, "bound": judged.bound}).to_parquet(
             target / "episodes.parquet"
         )
-        per_episode(report).to_parquet(target / "per_episode.parquet")
-        per_day(report).to_parquet(target / "per_day.parquet")
+        per_episode(judged).to_parquet(target / "per_episode.parquet")
+        per_day(judged).to_parquet(target / "per_day.parquet")
         (target / "slots").mkdir()
-        units = [unit.name for unit in report.case.ess]
-        for name, run in report.trajectories.items():
+        units = [unit.name for unit in judged.case.ess]
+        for name, run in judged.trajectories.items():
             run.frame(units).to_parquet(target / "slots" / f"{name}.parquet")
-        save_trajectories(report.trajectories, target)
-        (target / "case.toml").write_text(case_text(report.case), encoding="utf-8")
-        report.scenarios.save(target / "scenarios.npz")
-        text = json.dumps(report.summary(), indent=2, allow_nan=False)
+        save_trajectories(judged.trajectories, target)
+        (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
+        judged.scenarios.save(target / "scenarios.npz")
+        text = json.dumps(summary, indent=2, allow_nan=False)
         (target / MARK).write_text(text + "\n", encoding="utf-8")
     return folder
 
 
-def per_episode(report: Report) -> pd.DataFrame:
+def per_episode(judged: Judged) -> pd.DataFrame:
     """A row per method and episode: $, shares and indices of `metrics.Service` and others."""
     import pandas as pd
 
-    rule, n = report.objective[report.reference], report.scenarios.n
+    rule, n = judged.objective[judged.reference], judged.scenarios.n
     tables = []
-    for name, found in report.measures.items():
+    for name, found in judged.measures.items():
         columns = {
             "method": np.full(n, name),
             "episode": np.arange(n),
-            "probability": report.scenarios.probability,
+            "probability": judged.scenarios.probability,
             "objective": found.objective,
             "operating_cost": found.run.cost.sum(0),
             "end_energy_mwh": found.run.credited_mwh,
-            "bound": report.bound,
-            "gap_percent": 100.0 * statistics.gap_to_bound(found.objective, report.bound),
-            "score": statistics.score(found.objective, rule, report.bound),
+            "bound": judged.bound,
+            "gap_percent": 100.0 * statistics.gap_to_bound(found.objective, judged.bound),
+            "score": statistics.score(found.objective, rule, judged.bound),
             "asifi": found.indices.asifi,
             "asidi_h": found.indices.asidi_h,
         }
@@ -97,14 +106,14 @@ def per_episode(report: Report) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def per_day(report: Report) -> pd.DataFrame:
+def per_day(judged: Judged) -> pd.DataFrame:
     """A row per method, episode and day: operating cost, shed energy, energy at both ends."""
     import pandas as pd
 
-    day = report.world.day
+    day = judged.world.day
     first = np.flatnonzero(np.diff(day, prepend=day[0] - 1))
     tables = []
-    for name, found in report.measures.items():
+    for name, found in judged.measures.items():
         stored = found.run.energy.sum(0)
         days, n = found.daily_cost.shape
         columns = {

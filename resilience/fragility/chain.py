@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case.schema.storm import StormTable
+from resilience.case.schema import StormTable
 from resilience.errors import CaseError, Problem, UsageError, together
 from resilience.fragility.coverage import check_ends, check_overlap
 from resilience.fragility.lines.curves import Curve

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats, Times
-from resilience.case.schema.storm import StormTable
+from resilience.case.schema import StormTable
 from resilience.earth.sphere import seen_from
 from resilience.errors import UsageError
 from resilience.fragility.lines.geography import Geography

@@ -26,12 +26,12 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.earth.sphere import seen_from
+from resilience.files import replacing
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
-from resilience.planning.plan import replacing
 
 MARK = "hazard.json"
 

@@ -22,7 +22,7 @@ from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network
-    from resilience.case.schema.tables import ESSTable, GeneratorTable, GridTable
+    from resilience.case.schema import ESSTable, GeneratorTable, GridTable
 
 Physics = Literal["copperplate", "lindistflow", "distflow"]
 PHYSICS: tuple[Physics, ...] = get_args(Physics)

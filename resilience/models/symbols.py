@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.case.schema.tables import ESSTable, GeneratorTable, GridTable, LoadTable, PVTable
+from resilience.case.schema import ESSTable, GeneratorTable, GridTable, LoadTable, PVTable
 from resilience.models import components as parts
 from resilience.models.language.stage import Stage
 

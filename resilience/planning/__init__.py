@@ -1,0 +1,1 @@
+"""Plans over known outages and over scenarios, with certificate and files."""

@@ -11,9 +11,8 @@ from resilience.case import Case
 from resilience.models.case_program import Problem
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
-from resilience.planning.plan import Table
 from resilience.planning.scenario_program import StormProgram
-from resilience.planning.solve import tabulate
+from resilience.planning.tables import Table, tabulate
 from resilience.planning.two_stage.extensive import own_columns
 from resilience.planning.two_stage.lshaped import Solved
 from resilience.simulation.world import Trajectory, World

@@ -10,11 +10,7 @@ A saved plan is a folder that appears whole or not at all:
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -22,43 +18,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resilience.arrays import Floats
 from resilience.errors import UsageError
+from resilience.files import replacing
+from resilience.planning.tables import UNITS, Table
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from resilience.case import Case
-
-UNITS = {
-    "power": "MW fed in; storage: discharging positive; load: negative",
-    "reactive": "Mvar fed in",
-    "energy": "MWh stored at the end of the slot",
-    "soc": "share of the capacity stored at the end of the slot",
-    "demand": "MW",
-    "shed": "MW",
-    "pv_available": "MW",
-    "voltage": "pu",
-    "line_power": "MW at the sending end",
-    "line_reactive": "Mvar at the sending end",
-    "line_closed": "1 where the line can carry power",
-    "island": "number of the island a bus belongs to; 0 is dead",
-    "on": "1 where a generator runs",
-    "variables": "every variable of the model, as `ess.charge[ess1]`, in its own unit",
-}
-"""Every table that a plan may have, and what it holds."""
-
-
-@dataclass(frozen=True)
-class Table:
-    """Values (columns, slots) of one quantity, a label per column."""
-
-    labels: tuple[str, ...]
-    values: Floats
-
-    def __getitem__(self, label: str) -> Floats:
-        """(slots,) the values of one label."""
-        return self.values[self.labels.index(label)]
 
 
 @dataclass(frozen=True)
@@ -155,19 +122,6 @@ class Plan:
         return Path(folder)
 
 
-def outage_texts(case: Case) -> list[str]:
-    """`6-26@14:00-17:30`, as `--outages` takes it, for every outage of the case."""
-    window = case.window
-
-    def end(slot: int) -> str:
-        text = window.text(window.time(slot))
-        if not text.endswith("00:00"):
-            return text
-        return window.label(slot - 1)[: -len("00:00")] + "24:00"
-
-    return [f"{o.line}@{window.label(o.first)}-{end(o.stop)}" for o in case.outages]
-
-
 def load_plan(folder: str | Path) -> Plan:
     """Reads a plan that `Plan.save` wrote.
 
@@ -199,59 +153,3 @@ def load_plan(folder: str | Path) -> Plan:
 
         case = load_case(root / "case.toml")
     return Plan(**summary, tables=tables, case=case)
-
-
-def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
-    """Names of what is in a folder that `replacing` may replace.
-
-    Raises:
-        UsageError: it is a file, or holds something that is no earlier result.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder} is a file", hint="name a folder")
-    there = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    if set(there) - {keep} and mark not in there:
-        raise UsageError(
-            f"{folder} is not empty and holds no earlier result", hint="name a new folder"
-        )
-    return there
-
-
-@contextmanager
-def replacing(folder: Path, mark: str, keep: str = "") -> Iterator[Path]:
-    """A new folder that takes the place of `folder` when the block ends well.
-
-    An existing folder is replaced only if it is empty or holds the file `mark`; its sub-folder
-    `keep` does not count, and moves on to the new one.
-    """
-    there = check_replaceable(folder, mark, keep)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
-        yield fresh
-        fresh.chmod(0o755)
-        if folder.exists():
-            old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
-            os.replace(folder, old / "was")
-            os.replace(fresh, folder)
-            if keep and keep in there:
-                os.replace(old / "was" / keep, folder / keep)
-            shutil.rmtree(old)
-        else:
-            os.replace(fresh, folder)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
-
-
-@contextmanager
-def replacing_file(path: Path) -> Iterator[Path]:
-    """A new file, called as `path`, that takes its place when the block ends well."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".new-", dir=path.parent) as folder:
-        fresh = Path(folder) / path.name
-        yield fresh
-        os.replace(fresh, path)
-
-
-__all__ = ["UNITS", "Plan", "Table", "load_plan", "outage_texts", "replacing", "replacing_file"]

@@ -24,7 +24,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.planning.plan import UNITS, Table, replacing
+from resilience.files import replacing
+from resilience.planning.tables import UNITS, Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,7 +65,7 @@ class ScenarioPlan:
         half_left_at: when the probability of still following it first is below a half.
         relaxed: facts of the model that the plan need not satisfy, in words.
         audit: worst scaled violation per row, bound and structure, over all scenarios.
-        tables: the schedule of the common slots; see `resilience.planning.plan.UNITS`. `staying` is the
+        tables: the schedule of the common slots; see `tables.UNITS`. `staying` is the
             probability of being in the common schedule still.
         bands: see `BANDS`, tables over all slots.
         episodes: (scenarios,) arrays: probability, leaves_slot, cost, operating_cost,

@@ -13,17 +13,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case import Case, Outage
+from resilience.case import Case
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import Problem
 from resilience.models.language.tree import Cut, Tree
-from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.microgrid import Microgrid
+from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
-from resilience.models.risk import Risk
 from resilience.planning.two_stage.two_stage import IN, TwoStage
 
 
@@ -132,13 +132,6 @@ class StormProgram:
         return Problem(self.grid, self.two.first, situation, self.two.first_data, dict(self.two.x0))
 
 
-def storm_grid(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
-    """The microgrid in which every line of the scenarios can fail."""
-    hit = {outage.line for outage in case.outages}
-    more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
-    return microgrid(case.replace(outages=(*case.outages, *more)) if more else case, physics)
-
-
 def storm_program(
     grid: Microgrid,
     storms: Storms,
@@ -149,7 +142,7 @@ def storm_program(
     """The two-stage program.
 
     Args:
-        grid: the microgrid, see `storm_grid`.
+        grid: the microgrid, see `grid_with_fallible_lines`.
         storms: its storms.
         common_slots: slots after which every storm goes its own way; None: each leaves the trunk
             when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.

@@ -2,53 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypedDict, Unpack, cast, overload
+from typing import TYPE_CHECKING, Literal, Unpack, cast, overload
 
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
-from resilience.case.schema.tables import DeviceTable
+from resilience.case.outages import outage_texts
 from resilience.errors import UsageError
+from resilience.files import replacing_file
 from resilience.fragility.draw import outages_from
-from resilience.models.case_program import Problem, as_switched, horizon
+from resilience.models.case_program import Problem, horizon
 from resilience.models.methods import METHODS, Answer, Options
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
-from resilience.models.network.situation import Situation
 from resilience.models.program.referee import audit, settle
-from resilience.planning.plan import Plan, Table, outage_texts, replacing_file
+from resilience.planning.plan import Plan
 from resilience.planning.reasons import shed_reasons
+from resilience.planning.solve_scenarios import ScenarioOptions
+from resilience.planning.tables import balance, tabulate
 from resilience.progress import phase, stopwatch
-from resilience.simulation.replay import per_slot, variables
 
 if TYPE_CHECKING:
-    from resilience.fragility.outages.scenarios import Scenarios
-    from resilience.models.risk import Risk
     from resilience.planning.scenario_plan import ScenarioPlan
 
 Deterministic = Literal["lp", "milp", "socp", "nlp", "minlp", "exact"]
-
-
-class ScenarioOptions(TypedDict, total=False):
-    """Options of `solve` for plans over scenarios.
-
-    Attributes:
-        scenarios: how many are drawn (200), or the scenarios themselves.
-        risk: what is minimised: `"mean"`, or `"cvar:0.95:0.5"`, half the mean and half the mean of
-            the worst 5 %.
-        common_slots: slots after which every scenario goes its own way; if omitted, each leaves the
-            common schedule when its own outage shows.
-        algorithm: `"extensive"` or `"lshaped"`; by the number of scenarios if omitted.
-    """
-
-    scenarios: int | Scenarios | None
-    risk: str | Risk | None
-    common_slots: int | None
-    algorithm: str | None
 
 
 @overload
@@ -229,7 +209,7 @@ def describe(problem: Problem, answer: Answer, method: str) -> Plan:
         energy_mwh=energy,
         shed_mwh=energy["shed"],
         shed_by_load=reasons,
-        outages=outage_texts(case),
+        outages=outage_texts(case.outages, case.window),
         start=case.start.isoformat(),
         step_min=case.step_min,
         seconds=0.0,
@@ -244,97 +224,3 @@ def _credit(problem: Problem, z: Floats) -> float:
     if not value or not problem.case.ess:
         return 0.0
     return value * float(z[problem.standard.columns("ess.energy")[:, -1]].sum())
-
-
-def tabulate(problem: Problem, z: Floats) -> dict[str, Table]:
-    """Every quantity as a table (columns, slots); names and units in `results.UNITS`."""
-    standard, case, data = problem.standard, problem.case, problem.data
-
-    def values(name: str) -> Floats:
-        return z[standard.columns(name)]
-
-    power: dict[str, Floats] = {}
-    for name, tables in (("generator.p", case.generator), ("pv.p", case.pv)):
-        if tables:
-            power |= dict(zip(standard.labels(name), values(name), strict=True))
-    found: dict[str, Table] = {}
-    if case.ess:
-        flow = values("ess.discharge") - values("ess.charge")
-        names = standard.labels("ess.charge")
-        power |= dict(zip(names, flow, strict=True))
-        size = np.array([t.e_mwh for t in case.ess])[:, None]
-        found["energy"] = Table(names, values("ess.energy"))
-        found["soc"] = Table(names, values("ess.energy") / size)
-    if case.grid:
-        flow = values("grid.import") - values("grid.export")
-        power |= dict(zip(standard.labels("grid.import"), flow, strict=True))
-    if case.load:
-        names = standard.labels("load.shed")
-        power |= dict(zip(names, values("load.shed") - data["load.demand"], strict=True))
-        found["demand"] = Table(names, data["load.demand"])
-        found["shed"] = Table(names, values("load.shed"))
-    if case.pv:
-        found["pv_available"] = Table(standard.labels("pv.p"), data["pv.available"])
-    found["power"] = Table(tuple(power), np.array(list(power.values())))
-    found |= _wires(problem, z)
-    found |= _states(problem, z, as_switched(problem, z))
-    return found | {"variables": Table(variables(standard), per_slot(standard, z))}
-
-
-def _wires(problem: Problem, z: Floats) -> dict[str, Table]:
-    standard, found = problem.standard, {}
-    if standard.has("bus.v_sq"):
-        squares = np.maximum(z[standard.columns("bus.v_sq")], 0.0)
-        found["voltage"] = Table(standard.labels("bus.v_sq"), np.sqrt(squares))
-    for table, name in (("line_power", "line.p"), ("line_reactive", "line.q")):
-        if standard.has(name):
-            found[table] = Table(standard.labels(name), z[standard.columns(name)])
-    if standard.has("line.p"):
-        closed = as_switched(problem, z).line_up
-        found["line_closed"] = Table(standard.labels("line.p"), closed.astype(float))
-    return found
-
-
-def _states(problem: Problem, z: Floats, situation: Situation) -> dict[str, Table]:
-    standard, case = problem.standard, problem.case
-    island = np.where(situation.alive > 0.5, situation.island + 1, 0)
-    bus_of = problem.grid.bus_of
-    found = {"island": Table(case.network.bus_names, island[bus_of].astype(float))}
-    reactive = [
-        (name.split(".")[0], name)
-        for name in ("generator.q", "pv.q", "ess.q", "grid.q")
-        if standard.has(name)
-    ]
-    if reactive:
-        labels = tuple(label for _, name in reactive for label in standard.labels(name))
-        rows = np.concatenate([z[standard.columns(name)] for _, name in reactive])
-        found["reactive"] = Table(labels, rows)
-    if standard.has("generator.on"):
-        found["on"] = Table(standard.labels("generator.on"), z[standard.columns("generator.on")])
-    return found
-
-
-def balance(case: Case, tables: dict[str, Table]) -> dict[str, float]:
-    """The energy balance in MWh: what was fed in, what was taken, and what the wires lost."""
-    power = tables["power"]
-
-    def flow(devices: Sequence[DeviceTable], sign: float) -> float:
-        rows = [power.labels.index(device.name) for device in devices]
-        return float(np.maximum(sign * power.values[rows], 0.0).sum()) * case.step_h
-
-    def total(name: str) -> float:
-        return float(tables[name].values.sum()) * case.step_h if name in tables else 0.0
-
-    found = {
-        "demand": total("demand"),
-        "shed": total("shed"),
-        "pv": flow(case.pv, 1.0),
-        "generators": flow(case.generator, 1.0),
-        "import": flow(case.grid, 1.0),
-        "discharge": flow(case.ess, 1.0),
-        "charge": flow(case.ess, -1.0),
-        "export": flow(case.grid, -1.0),
-    }
-    fed = sum(found[key] for key in ("pv", "generators", "import", "discharge"))
-    taken = found["demand"] - found["shed"] + found["charge"] + found["export"]
-    return found | {"losses": fed - taken, "pv_curtailed": total("pv_available") - found["pv"]}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -12,25 +12,41 @@ from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.errors import UsageError
-from resilience.evaluation.measures.statistics import conditional_value_at_risk, worst
 from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, sample_case
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.methods.answer import LATE, Options, gap
 from resilience.models.microgrid import Physics
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
+from resilience.models.program.risk_measures import conditional_value_at_risk, worst
 from resilience.planning import outcomes
 from resilience.planning.outcomes import Outcomes
-from resilience.planning.plan import Table
 from resilience.planning.scenario_methods import TITLES, StormAnswer, solve_storms, wait_and_see
 from resilience.planning.scenario_plan import HIGH, LOW, ScenarioPlan
-from resilience.planning.scenario_program import StormProgram, Storms, storm_grid, storm_program
+from resilience.planning.scenario_program import StormProgram, Storms, storm_program
+from resilience.planning.tables import Table
 from resilience.progress import phase
-from resilience.simulation.world import World, simulate
+from resilience.simulation.world import World, grid_with_fallible_lines, simulate
 
-if TYPE_CHECKING:
-    from resilience.planning.solve import ScenarioOptions
+
+class ScenarioOptions(TypedDict, total=False):
+    """Options of `solve` for plans over scenarios.
+
+    Attributes:
+        scenarios: how many are drawn (200), or the scenarios themselves.
+        risk: what is minimised: `"mean"`, or `"cvar:0.95:0.5"`, half the mean and half the mean of
+            the worst 5 %.
+        common_slots: slots after which every scenario goes its own way; if omitted, each leaves the
+            common schedule when its own outage shows.
+        algorithm: `"extensive"` or `"lshaped"`; by the number of scenarios if omitted.
+    """
+
+    scenarios: int | Scenarios | None
+    risk: str | Risk | None
+    common_slots: int | None
+    algorithm: str | None
+
 
 USUAL_SCENARIOS = 200
 SHED = 1e-6  # MWh from which on a scenario counts as shedding
@@ -130,7 +146,7 @@ def two_stage_plan(
     risk, limits = risk or Risk(), limits or Options(gap=1e-4)
     with phase("model"):
         storms = Storms.among(scenarios, case)
-        grid = storm_grid(case, scenarios, physics)
+        grid = grid_with_fallible_lines(case, scenarios, physics)
         program = storm_program(grid, storms, common_slots=common_slots, risk=risk)
     answer = solve_storms(
         program, algorithm=algorithm, relative_gap=limits.gap, time_limit=limits.time_limit
@@ -147,7 +163,7 @@ def simulated_plan(case: Case, scenarios: Scenarios, method: str) -> ScenarioPla
     """What a dispatcher does in the same scenarios, in the form of a plan."""
     with phase("model"):
         storms = Storms.among(scenarios, case)
-        grid = storm_grid(case, scenarios, "copperplate")
+        grid = grid_with_fallible_lines(case, scenarios, "copperplate")
         world = World.of(grid, scenarios)
         program = storm_program(grid, storms)
     with phase("dispatch", method):

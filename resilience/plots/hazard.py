@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.schema.storm import StormTable
+from resilience.case.schema import StormTable
 from resilience.fragility.chain import slot_times
 from resilience.fragility.lines.spans import Lines, Series, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated

@@ -9,8 +9,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.planning.plan import Table
 from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.tables import Table
 from resilience.plots import style
 from resilience.plots.style import COLOURS
 

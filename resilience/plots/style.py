@@ -11,7 +11,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.planning.plan import replacing_file
+from resilience.files import replacing_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,1 @@
+"""The world that dispatchers meet, stepped slot by slot."""

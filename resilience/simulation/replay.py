@@ -13,13 +13,15 @@ and structure is audited there, so that a decision that does not fit the others 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
+from resilience.case import Case
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.case_program import Problem, horizon
@@ -29,8 +31,33 @@ from resilience.models.program.referee import Audit, audit
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 
-if TYPE_CHECKING:
-    from resilience.planning.plan import Plan
+
+class Labelled(Protocol):
+    """Values (labels, slots) of one quantity."""
+
+    @property
+    def labels(self) -> Labels:
+        """Names of the rows."""
+
+    @property
+    def values(self) -> Floats:
+        """One row per label, one column per slot."""
+
+
+class Decided(Protocol):
+    """What a replay needs of a plan: the case, the physics, and the table `variables`."""
+
+    @property
+    def case(self) -> Case | None:
+        """The case that was planned for."""
+
+    @property
+    def physics(self) -> str:
+        """The physics of the plan."""
+
+    @property
+    def tables(self) -> Mapping[str, Labelled]:
+        """Its tables by name."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +77,7 @@ class Replayed:
     audit: Audit
 
 
-def replay(plan: Plan) -> Replayed:
+def replay(plan: Decided) -> Replayed:
     """Does a plan again at its own physics (law 5 of the design).
 
     A plan of `solve` has its own operating cost and states again, to the solver's tolerance.

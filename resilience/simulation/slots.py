@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
+from resilience.models.microgrid import Microgrid
+from resilience.models.simulator import NetworkSimulator, Simulator
 
-if TYPE_CHECKING:
-    from resilience.simulation.world import World
+Stepper = Simulator | NetworkSimulator
 
 NODES = 4096  # slots times scenarios that are worked out together
 
@@ -37,9 +38,16 @@ class Slots:
     `NODES` nodes with the scenarios.
     """
 
-    def __init__(self, world: World) -> None:
-        self.world = world
-        self.length = max(NODES // max(world.scenarios.n, 1), 1)
+    def __init__(
+        self,
+        grid: Microgrid,
+        simulator: Stepper,
+        line_up: Bools,
+        profile: Callable[[str | None, Ints], Floats],
+    ) -> None:
+        """See `World` for the arguments; `line_up` is (lines of the case, slots, scenarios)."""
+        self.grid, self.simulator, self.line_up, self.profile = grid, simulator, line_up, profile
+        self.length = max(NODES // max(line_up.shape[2], 1), 1)
         self.number, self.kept = -1, list[Slot]()
 
     def __getitem__(self, t: int) -> Slot:
@@ -49,18 +57,18 @@ class Slots:
         return self.kept[at]
 
     def _stretch(self, first: int) -> list[Slot]:
-        world, n = self.world, self.world.scenarios.n
-        slots = np.arange(first, min(first + self.length, world.grid.case.slots))
-        up = world.line_up[:, slots].reshape(len(world.line_up), len(slots) * n)
+        lines, horizon, n = self.line_up.shape
+        slots = np.arange(first, min(first + self.length, horizon))
+        up = self.line_up[:, slots].reshape(lines, len(slots) * n)
         profiles: dict[str | None, Floats] = {}
 
         def profile(name: str | None) -> Floats:
             if name not in profiles:
-                profiles[name] = world.profile(name, slots).ravel()
+                profiles[name] = self.profile(name, slots).ravel()
             return profiles[name]
 
-        situation = world.grid.situation(up, profile)
-        data = world.grid.data(situation)
+        situation = self.grid.situation(up, profile)
+        data = self.grid.data(situation)
 
         def apart(array: np.ndarray) -> np.ndarray:
             """(slots, labels, scenarios), each slot in one piece."""
@@ -68,7 +76,7 @@ class Slots:
             return np.ascontiguousarray(whole.reshape(len(array), len(slots), n).swapaxes(0, 1))
 
         named = {name: apart(values) for name, values in data.items()}
-        stacked, island = apart(world.simulator.stacked(data)), apart(situation.island)
+        stacked, island = apart(self.simulator.stacked(data)), apart(situation.island)
         return [
             Slot({name: values[k] for name, values in named.items()}, stacked[k], island[k])
             for k in range(len(slots))

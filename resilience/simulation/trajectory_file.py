@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.planning.plan import replacing_file
+from resilience.files import replacing_file
 from resilience.simulation.world import Trajectory
 
 FOLDER = "trajectories"

@@ -11,17 +11,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case import Case, Outage
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import Microgrid
+from resilience.models.microgrid import Microgrid, Physics, microgrid
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.simulation.forecast import Outlook
-from resilience.simulation.slots import Slot, Slots
+from resilience.simulation.slots import Slot, Slots, Stepper
 from resilience.simulation.trajectory import Trajectory
 
 __all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
-Stepper = Simulator | NetworkSimulator
 Forecast = Callable[[str | None, Ints], Floats]
 
 
@@ -189,7 +189,7 @@ class World:
 
     @cached_property
     def _slots(self) -> Slots:
-        return Slots(self)
+        return Slots(self.grid, self.simulator, self.line_up, self.profile)
 
     def slot(self, t: int) -> Slot:
         """Data and islands of slot t in every scenario."""
@@ -254,3 +254,10 @@ def simulate(
         if on_slot is not None:
             on_slot()
     return replace(run, left_mwh=left, seconds=seconds, cpu_seconds=cpu)
+
+
+def grid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
+    """The microgrid in which every line of the scenarios can fail."""
+    hit = {outage.line for outage in case.outages}
+    more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
+    return microgrid(case.replace(outages=(*case.outages, *more)) if more else case, physics)

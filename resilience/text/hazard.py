@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.case.schema.storm import StormTable
+from resilience.case.schema import StormTable
 from resilience.fragility.likely import buses_text
 from resilience.fragility.wind import MODELS
 

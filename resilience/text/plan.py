@@ -11,11 +11,12 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from resilience.planning.plan import Plan, outage_texts
+from resilience.case.outages import outage_texts
+from resilience.planning.plan import Plan
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.case.schema.tables import DeviceTable
+    from resilience.case.schema import DeviceTable
 
 SHOWN = 12  # names in a list before the rest is only counted
 GOOD = 1e-5  # scaled violation up to which a plan is called clean
@@ -149,7 +150,7 @@ def print_case(case: Case, console: Console) -> None:
     for words, names in (("breakpoints", breakpoints), ("switchable", switches)):
         if names:
             console.print(f"{words}: {', '.join(names)}")
-    console.print(f"outages: {', '.join(outage_texts(case)) or 'none'}")
+    console.print(f"outages: {', '.join(outage_texts(case.outages, case.window)) or 'none'}")
     for line in _islands(case):
         console.print(line)
     rows = [

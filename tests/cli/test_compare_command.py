@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from resilience.cli.main import main
+from resilience.cli import main
 
 
 def run(arguments: str) -> None:

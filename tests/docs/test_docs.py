@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from pages import ROOT, Step, blocks, run, shortened
 
-from resilience.case.schema.tables import case_schema
+from resilience.case.schema import case_schema
 
 DOCS = ROOT / "docs"
 WRITTEN = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]

@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.planning.two_stage.extensive import extensive
 from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
 from resilience.planning.two_stage.two_stage import TwoStage

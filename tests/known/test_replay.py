@@ -11,7 +11,8 @@ import pytest
 from small import small
 
 import resilience as rs
-from resilience.planning.plan import Plan, Table
+from resilience.planning.plan import Plan
+from resilience.planning.tables import Table
 from resilience.simulation.replay import Replayed, replay
 
 METHODS = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.models.network.ac_check import certify
+from resilience.planning.ac_check import certify
 
 
 def test_the_tie_break_costs_nothing_and_spares_the_wires() -> None:

@@ -1,0 +1,1 @@
+"""Rules that join keys and tables of a case, each with a hint."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from resilience.case.checks.parts import Parts
 from resilience.case.networks.network import Network
-from resilience.case.schema.storm import GeographyTable
-from resilience.case.tables import show
+from resilience.case.reading import show
+from resilience.case.schema import GeographyTable
 
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""

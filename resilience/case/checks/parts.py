@@ -9,8 +9,7 @@ from typing import Any
 from resilience.case.document import Document
 from resilience.case.networks.inline import Inline
 from resilience.case.networks.network import Network
-from resilience.case.schema.storm import GeographyTable, StormTable
-from resilience.case.schema.tables import LineTable
+from resilience.case.schema import GeographyTable, LineTable, StormTable
 from resilience.case.window import Window
 
 

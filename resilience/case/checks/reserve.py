@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from resilience.case.checks.parts import Parts
-from resilience.case.schema.tables import GeneratorTable, HeadTable, LoadTable
+from resilience.case.schema import GeneratorTable, HeadTable, LoadTable
 
 
 def reserve_price_range(

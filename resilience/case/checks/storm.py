@@ -10,8 +10,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.checks.parts import Parts
-from resilience.case.schema.storm import StormTable
-from resilience.case.tables import show
+from resilience.case.reading import show
+from resilience.case.schema import StormTable
 from resilience.earth.averaging import KNOT_MPS, NAMELESS
 from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
 

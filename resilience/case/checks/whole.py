@@ -11,7 +11,7 @@ from resilience.case.checks.rules import broken_rules
 from resilience.case.checks.units import check_units
 from resilience.case.document import entry_name
 from resilience.case.networks.network import Network
-from resilience.case.tables import show
+from resilience.case.reading import show
 from resilience.case.tariff import wrong_tariff
 
 

@@ -1,16 +1,13 @@
-"""The network of a case from where the case says it is: pandapower, a file, or inline tables."""
+"""A feeder as its source has it: the network, and the devices that the source knows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from pathlib import Path
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from resilience.case.networks.network import Network
-from resilience.case.schema.tables import LineTable, NetworkTable
 
 
 class FeederError(Exception):
@@ -93,89 +90,3 @@ def unique_names(names: Iterable[str]) -> tuple[str, ...]:
         seen[name] = seen.get(name, 0) + 1
         out.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
     return tuple(out)
-
-
-def read_feeder(table: NetworkTable) -> Feeder:
-    """Read the network that a case names. Raises `FeederError` where it cannot be read."""
-    given = [k for k in ("pandapower", "file") if getattr(table, k)] + ["bus"] * bool(table.bus)
-    if len(given) != 1:
-        raise FeederError(
-            "",
-            " and ".join(given) or "no network",
-            "exactly one of pandapower, file, or [[network.bus]] with [[network.line]]",
-            'for example pandapower = "case33bw"',
-        )
-    if table.pandapower:
-        from resilience.case.networks.pandapower_net import feeder_by_name
-
-        return feeder_by_name(table.pandapower)
-    if table.file:
-        path = Path(table.file)
-        if not path.is_file():
-            raise FeederError(
-                "file", str(path), "a file that exists", "paths start at the case file's folder"
-            )
-        return _read_file(path, path.stat().st_mtime_ns)
-    return _inline(table)
-
-
-@lru_cache(maxsize=16)
-def _read_file(path: Path, _mtime: int) -> Feeder:
-    if path.suffix == ".json":
-        from resilience.case.networks.pandapower_net import feeder_from_json
-
-        return feeder_from_json(path)
-    if path.suffix == ".m":
-        from resilience.case.networks.matpower import feeder_from_matpower
-
-        return feeder_from_matpower(path)
-    raise FeederError(
-        "file", path.name, "a pandapower .json or a MATPOWER .m file", "convert the network"
-    )
-
-
-def _inline(table: NetworkTable) -> Feeder:
-    vn_kv = {b.name: b.vn_kv for b in table.bus}
-    branches = [
-        Branch(
-            line.from_,
-            line.to,
-            line.r_ohm / vn_kv[line.from_] ** 2,
-            line.x_ohm / vn_kv[line.from_] ** 2,
-            line.rating_mva or float("inf"),
-            line.in_service,
-            line.name or "",
-        )
-        for line in table.line
-    ]
-    places = {
-        b.name: (b.lon_deg, b.lat_deg)
-        for b in table.bus
-        if b.lon_deg is not None and b.lat_deg is not None
-    }
-    return Feeder(make_network([(b.name, b.vn_kv) for b in table.bus], branches), places=places)
-
-
-def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTable]) -> Network:
-    """Apply what the case says about its network: scale, voltage limits, and `[[line]]` tables."""
-    v_min, v_max = (np.full(len(network.bus_names), v) for v in (table.v_min_pu, table.v_max_pu))
-    for bus in table.bus:
-        i = network.bus(bus.name)
-        v_min[i], v_max[i] = bus.v_min_pu or v_min[i], bus.v_max_pu or v_max[i]
-    switchable, breakpoint_ = network.switchable.copy(), network.breakpoint.copy()
-    rating, cost = network.rating_mva.copy(), network.switching_cost.copy()
-    for line in lines:
-        i = network.line(line.name)
-        switchable[i], breakpoint_[i] = line.switchable, line.breakpoint
-        rating[i], cost[i] = line.rating_mva or rating[i], line.switching_cost
-    return replace(
-        network,
-        r_pu=network.r_pu * table.impedance_scale,
-        x_pu=network.x_pu * table.impedance_scale,
-        v_min_pu=v_min,
-        v_max_pu=v_max,
-        switchable=switchable,
-        switching_cost=cost,
-        breakpoint=breakpoint_,
-        rating_mva=rating,
-    )

@@ -7,8 +7,8 @@ from typing import Any
 
 from resilience.case.document import Document
 from resilience.case.networks.network import did_you_mean
-from resilience.case.schema.tables import BranchTable, BusTable
-from resilience.case.tables import read_list, show
+from resilience.case.reading import read_list, show
+from resilience.case.schema import BranchTable, BusTable
 
 _BUS, _LINE = ("network", "bus"), ("network", "line")
 

@@ -19,7 +19,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.program import Program
 from resilience.dispatch.sddp.training import Settings, Trained
-from resilience.planning.plan import replacing_file
+from resilience.files import replacing_file
 
 VERSION = 1
 """Raised whenever the same problem and settings give other cuts."""

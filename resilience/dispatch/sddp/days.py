@@ -44,7 +44,7 @@ def past_days(case: Case) -> Days:
 
     Days are whole and begin at midnight; a case that is shorter than a day is one day of its own.
     """
-    from resilience.evaluation.compare import TEST_SHARE
+    from resilience.case.days import TEST_SHARE
 
     per_day = slots_of_day(case)
     file = case.source.get("profiles", {}).get("file")

@@ -10,7 +10,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
-from resilience.case.schema.tables import ESSTable
+from resilience.case.schema import ESSTable
 from resilience.dispatch.sddp.chain import Chain
 from resilience.dispatch.sddp.days import Climate
 from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
+from resilience.models.program.risk_measures import weights
 
 TOLERANCE_MW = 1e-6
 """Shedding up to this is a solver's rounding."""
@@ -224,25 +225,6 @@ def paper_resilience(
     price = _per_load("shed_cost_per_mwh", shed_cost_per_mwh, loads)
     weight = _per_load("priority", np.ones(loads) if priority is None else priority, loads)
     return np.asarray(-dt_h * ((weight * price) @ shed.sum(axis=1)), float)
-
-
-def weights(probability: Floats | None, members: int) -> Floats:
-    """(members,) probabilities, checked; equal ones for None.
-
-    Raises:
-        UsageError: another shape, a negative probability, a sum that is not 1.
-    """
-    if probability is None:
-        return np.full(members, 1.0 / max(members, 1))
-    p = np.asarray(probability, float)
-    if p.shape != (members,):
-        raise UsageError(f"probabilities have the shape {p.shape}; allowed: ({members},)")
-    if (p < 0).any() or not np.isclose(p.sum(), 1.0):
-        raise UsageError(
-            f"probabilities add up to {p.sum():g}; allowed: 1, none negative",
-            hint="divide the weights by their sum",
-        )
-    return p
 
 
 def _checked(demand: Floats, shed: Floats, dt_h: float) -> tuple[Floats, Floats]:

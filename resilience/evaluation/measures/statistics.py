@@ -13,11 +13,16 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.evaluation.measures.metrics import weights
+from resilience.models.program.risk_measures import (
+    conditional_value_at_risk,
+    finite_values,
+    weights,
+    worst,
+)
 
 TRIVIAL_SHARE = 0.01
 """Below this room between rule 0.9 and the bound, no ranking means anything."""
@@ -81,7 +86,7 @@ class Triviality:
 
 def summarise_costs(cost: ArrayLike) -> CostSummary:
     """Mean, interquartile mean, CVaR-95 and worst of costs in $; episodes count alike."""
-    values = _values(cost)
+    values = finite_values(cost)
     return CostSummary(
         mean_cost=float(values.mean()),
         interquartile_mean_cost=interquartile_mean(values),
@@ -94,46 +99,14 @@ def interquartile_mean(values: ArrayLike) -> float:
     """Mean without the lowest and highest quarter (each rounded down to whole values)."""
     from scipy.stats import trim_mean
 
-    return float(trim_mean(_values(values), 0.25))
+    return float(trim_mean(finite_values(values), 0.25))
 
 
-def value_at_risk(values: ArrayLike, alpha: float, probability: Floats | None = None) -> float:
-    """Smallest value that is not exceeded with probability `alpha` (0 <= alpha < 1).
-
-    `probability` (members,) adds up to 1; None: all equally likely.
-
-    Raises:
-        UsageError: no values, alpha outside its range, probabilities that do not fit.
-    """
-    x = _values(values)
-    if not 0 <= alpha < 1:
-        raise UsageError(f"alpha is {alpha:g}; allowed: 0 <= alpha < 1")
-    p = weights(probability, len(x))
-    likely = p > 0
-    order = np.argsort(x[likely])
-    reached = np.cumsum(p[likely][order])
-    # Sums of equal weights miss alpha by rounding: 0.1 * 9 is less than 0.9.
-    at = int(np.searchsorted(reached, alpha - 1e-12))
-    return float(x[likely][order][min(at, len(order) - 1)])
-
-
-def conditional_value_at_risk(
-    values: ArrayLike, alpha: float, probability: Floats | None = None
-) -> float:
-    """Mean of the worst 1 - `alpha` of the values; alpha = 0 is the mean.
-
-    The minimum over η is at the value at risk. Arguments and errors as for `value_at_risk`.
-    """
-    eta = value_at_risk(values, alpha, probability)
-    x = _values(values)
-    excess = np.maximum(x - eta, 0.0)
-    return eta + float(weights(probability, len(x)) @ excess) / (1.0 - alpha)
-
-
-def worst(values: ArrayLike, probability: Floats | None = None) -> float:
-    """Greatest of the values that can happen (probability above 0)."""
-    x = _values(values)
-    return float(x[weights(probability, len(x)) > 0].max())
+def expected(values: Floats, likely: Floats) -> float:
+    """The mean by probability of the values that are there; NaN where none is."""
+    there = np.isfinite(values) & (likely > 0)
+    weight = float(likely[there].sum())
+    return float(likely[there] @ values[there]) / weight if weight else float("nan")
 
 
 def mean_interval(
@@ -159,7 +132,7 @@ def mean_interval(
     Raises:
         UsageError: labels that do not fit, a stratum of one value, which nothing can be drawn from.
     """
-    x = _values(values)
+    x = finite_values(values)
     groups = _groups(x, strata)
     mean = float(x.mean())
     if all(np.ptp(group) <= NOTHING * max(1.0, abs(mean)) for group in groups):
@@ -216,7 +189,7 @@ def triviality(rule09: ArrayLike, bound: ArrayLike) -> Triviality:
     A bound of 0 leaves the room undefined (NaN); it then counts as trivial only where rule 0.9
     costs nothing either.
     """
-    rule, best = float(_values(rule09).mean()), float(_values(bound).mean())
+    rule, best = float(finite_values(rule09).mean()), float(finite_values(bound).mean())
     room = float(gap_to_bound(rule, best))
     return Triviality(room, rule <= NOTHING if np.isnan(room) else room < TRIVIAL_SHARE)
 
@@ -277,7 +250,7 @@ def _groups(x: Floats, strata: ArrayLike | None) -> list[Floats]:
 
 
 def _paired(cost: ArrayLike, reference: ArrayLike) -> Floats:
-    a, b = _values(cost), _values(reference)
+    a, b = finite_values(cost), finite_values(reference)
     if a.shape != b.shape:
         raise UsageError(
             f"pairs of {len(a)} and {len(b)} episodes; allowed: the same episodes for both"
@@ -287,13 +260,3 @@ def _paired(cost: ArrayLike, reference: ArrayLike) -> Floats:
 
 def _expected(values: Floats, probability: Floats | None) -> float:
     return float(weights(probability, len(values)) @ values)
-
-
-def _values(values: ArrayLike) -> Floats:
-    x: NDArray[np.float64] = np.atleast_1d(np.asarray(values, float))
-    if x.ndim != 1 or x.size == 0 or not np.isfinite(x).all():
-        raise UsageError(
-            f"values of the shape {x.shape}; allowed: one axis, at least one value, all finite",
-            hint="leave failed episodes out of every method of the comparison",
-        )
-    return x

@@ -1,7 +1,7 @@
 """What a dispatcher believes of outages to come, given what an operator has seen.
 
-`BellBelief` believes in the paper's bell (`resilience.fragility.beliefs.conditional`), `StormBelief` in a
-storm on its track (`resilience.fragility.beliefs.storm_belief`); `case_belief` gives a case its own.
+`BellBelief` believes in the paper's bell (`conditional.py`), `StormBelief` in a storm on its track
+(`storm_belief.py`); `case_belief` gives a case its own.
 """
 
 from __future__ import annotations

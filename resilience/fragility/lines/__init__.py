@@ -1,0 +1,1 @@
+"""How strong lines are: curves, spans, and when they fail in a wind."""

@@ -9,8 +9,8 @@ r"""Failure over time: how a wind that rises and falls adds up to a probability.
 - `per_slot`: $F$ is drawn anew in every slot, as many papers do. The result depends on the step,
   which is warned of.
 
-All are exact: integrals over the common factor as in `resilience.fragility.lines.spans`. At correlation 1
-the three are the same, for then a storm either breaks an element in a slot or never does.
+All are exact: integrals over the common factor as in `spans.py`. At correlation 1 the three are the
+same, for then a storm either breaks an element in a slot or never does.
 """
 
 from __future__ import annotations

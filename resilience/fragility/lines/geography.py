@@ -17,7 +17,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.geography import findings
-from resilience.case.schema.storm import GeographyTable
+from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, Problem
 
 if TYPE_CHECKING:

@@ -9,9 +9,8 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.networks.network import did_you_mean
-from resilience.case.schema.storm import CurveTable, StormTable
-from resilience.case.schema.tables import LineTable
-from resilience.case.tables import show
+from resilience.case.reading import show
+from resilience.case.schema import CurveTable, LineTable, StormTable
 from resilience.errors import CaseError, Problem, UsageError
 from resilience.fragility.lines.curves import CURVES, Curve, measure
 from resilience.fragility.lines.spans import Lines, poles_in_series

@@ -1,0 +1,1 @@
+"""Which line is down when: processes, repair, scenarios and their files."""

@@ -1,8 +1,6 @@
-"""Scenarios as files: .npz keeps everything, .csv is for people and other tools.
+"""Reading scenarios from .npz and .csv files; `scenarios.py` says what is in them.
 
-A CSV file has a row per outage with the columns scenario, line, first, stop (slots from 0; stop is
-the first slot in which the line is back) and may have weight. A row with a scenario only is a
-scenario without outage; so is every number below the highest that has no row.
+A CSV file made elsewhere need not have the column weight: all scenarios are equally likely then.
 """
 
 from __future__ import annotations
@@ -12,18 +10,17 @@ import json
 import math
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import CaseError, Problem, UsageError
-from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.scenarios import COLUMNS, Scenarios, check_suffix
 
 if TYPE_CHECKING:
     from resilience.case import Case
 
-COLUMNS = ("scenario", "line", "first", "stop")
 LIMIT = 1_000_000  # scenarios; beyond, a number is a slip
 HINTS = {
     "scenario": "scenarios count from 0",
@@ -31,35 +28,6 @@ HINTS = {
     "stop": "stop is the first slot in which the line is back",
     "weight": "leave it out where all scenarios are equally likely",
 }
-
-
-def save_scenarios(scenarios: Scenarios, path: Path) -> None:
-    """Writes a .npz or .csv file, whole or not at all.
-
-    Raises:
-        UsageError: another suffix.
-    """
-    from resilience.planning.plan import replacing_file
-
-    check_suffix(path)
-    with replacing_file(path) as fresh:
-        if path.suffix == ".csv":
-            _write_csv(scenarios, fresh)
-        else:
-            _write_npz(scenarios, fresh)
-
-
-def check_suffix(path: Path) -> None:
-    """Refuses a file whose suffix says nothing known.
-
-    Raises:
-        UsageError: the suffix is neither .npz nor .csv.
-    """
-    if path.suffix not in (".npz", ".csv"):
-        raise UsageError(
-            f"scenarios cannot be kept in {path.name!r}; allowed suffixes: .npz, .csv",
-            hint="npz keeps everything, csv is for people and other tools",
-        )
 
 
 def load_scenarios(path: str | Path, case: Case) -> Scenarios:
@@ -90,31 +58,6 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
             hint="draw them again for this horizon",
         )
     return found
-
-
-def _write_csv(scenarios: Scenarios, path: Path) -> None:
-    rows: dict[int, list[tuple[Any, ...]]] = {k: [] for k in range(scenarios.n)}
-    for event in scenarios.events():
-        rows[event[0]].append(event)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow((*COLUMNS, "weight"))
-        for k, weight in enumerate(scenarios.probability):
-            writer.writerows((*row, float(weight)) for row in rows[k] or [(k, "", "", "")])
-
-
-def _write_npz(scenarios: Scenarios, path: Path) -> None:
-    about = {name: getattr(scenarios, name) for name in ("lines", "seed", "process")}
-    arrays: dict[str, Any] = {
-        "down": np.packbits(scenarios.down, axis=None),
-        "shape": scenarios.down.shape,
-        "probability": scenarios.probability,
-        "about": json.dumps(about),
-    }
-    if scenarios.centre is not None:
-        arrays["centre"] = scenarios.centre
-    with path.open("wb") as binary:
-        np.savez_compressed(binary, **arrays)
 
 
 def _read_npz(path: Path) -> Scenarios:

@@ -1,7 +1,15 @@
-"""Scenarios: which line is down when, in many possible futures, and how likely each is."""
+"""Scenarios: which line is down when, in many possible futures, and how likely each is.
+
+Saved, a .npz file keeps everything, and a .csv file is for people and other tools; `files.py` reads
+both. A CSV file has a row per outage with the columns scenario, line, first, stop (slots from 0;
+stop is the first slot in which the line is back) and weight. A row with a scenario only is a
+scenario without outage; so is every number below the highest that has no row.
+"""
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +19,9 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
+from resilience.files import replacing_file
+
+COLUMNS = ("scenario", "line", "first", "stop")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +103,48 @@ class Scenarios:
         Raises:
             UsageError: another suffix.
         """
-        from resilience.fragility.outages.files import save_scenarios
+        path = Path(path)
+        check_suffix(path)
+        with replacing_file(path) as fresh:
+            if path.suffix == ".csv":
+                _write_csv(self, fresh)
+            else:
+                _write_npz(self, fresh)
 
-        save_scenarios(self, Path(path))
+
+def check_suffix(path: Path) -> None:
+    """Refuses a file whose suffix says nothing known.
+
+    Raises:
+        UsageError: the suffix is neither .npz nor .csv.
+    """
+    if path.suffix not in (".npz", ".csv"):
+        raise UsageError(
+            f"scenarios cannot be kept in {path.name!r}; allowed suffixes: .npz, .csv",
+            hint="npz keeps everything, csv is for people and other tools",
+        )
+
+
+def _write_csv(scenarios: Scenarios, path: Path) -> None:
+    rows: dict[int, list[tuple[Any, ...]]] = {k: [] for k in range(scenarios.n)}
+    for event in scenarios.events():
+        rows[event[0]].append(event)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow((*COLUMNS, "weight"))
+        for k, weight in enumerate(scenarios.probability):
+            writer.writerows((*row, float(weight)) for row in rows[k] or [(k, "", "", "")])
+
+
+def _write_npz(scenarios: Scenarios, path: Path) -> None:
+    about = {name: getattr(scenarios, name) for name in ("lines", "seed", "process")}
+    arrays: dict[str, Any] = {
+        "down": np.packbits(scenarios.down, axis=None),
+        "shape": scenarios.down.shape,
+        "probability": scenarios.probability,
+        "about": json.dumps(about),
+    }
+    if scenarios.centre is not None:
+        arrays["centre"] = scenarios.centre
+    with path.open("wb") as binary:
+        np.savez_compressed(binary, **arrays)

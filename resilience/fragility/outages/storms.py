@@ -2,7 +2,7 @@ r"""Storms as scenarios: members of an ensemble, a common factor, capacities, fa
 
 Of every scenario are drawn: the member of the ensemble of winds, the factor $Z$ shared by all
 capacities, and for each line and each time it is new one exponential number, which decides the slot
-of its failure (`resilience.fragility.outages.failure_clock`), and one uniform number for the length of its repair.
+of its failure (`failure_clock.py`), and one uniform number for the length of its repair.
 All random numbers are drawn up front, in streams of their own: other crews or other poles meet the
 same storms.
 

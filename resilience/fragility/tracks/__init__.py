@@ -1,12 +1,12 @@
 """Tracks of tropical cyclones: read, completed, interpolated, perturbed."""
 
-from resilience.earth.averaging import AGENCIES, one_minute
+from resilience.earth.averaging import AGENCIES
 from resilience.fragility.tracks.columns import track_of
 from resilience.fragility.tracks.ensemble import ensemble
 from resilience.fragility.tracks.fill import RADII
 from resilience.fragility.tracks.interpolate import interpolated
 from resilience.fragility.tracks.read import read_track
-from resilience.fragility.tracks.track import Track
+from resilience.fragility.tracks.track import Track, one_minute
 
 __all__ = [
     "AGENCIES",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from resilience.arrays import Bools, Floats, Times
+from resilience.earth.averaging import relation, to_one_minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,3 +49,11 @@ class Track:
     def seconds(self) -> Floats:
         """(n,) since the first point."""
         return (self.time - self.time[0]).astype("timedelta64[s]").astype(float)
+
+
+def one_minute(track: Track) -> Track:
+    """The track with winds as means over one minute; itself where they are."""
+    if track.averaging_s == 60.0:
+        return track
+    v = to_one_minute(track.vmax_mps, relation(track.averaging_s, track.agency))
+    return replace(track, vmax_mps=v, averaging_s=60.0, agency="usa")

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.earth.averaging import KNOT_MPS, one_minute
+from resilience.earth.averaging import KNOT_MPS
 from resilience.earth.sphere import legs
-from resilience.fragility.tracks.track import Track
+from resilience.fragility.tracks.track import Track, one_minute
 
 ROTATION_PER_S = 7.29e-5
 FASTEST_MPS = 30.0 * KNOT_MPS

@@ -36,7 +36,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
-    from resilience.case.schema.tables import ESSTable
+    from resilience.case.schema import ESSTable
 
 
 @dataclass(frozen=True)

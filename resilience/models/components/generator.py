@@ -49,7 +49,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
-    from resilience.case.schema.tables import GeneratorTable
+    from resilience.case.schema import GeneratorTable
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
-    from resilience.case.schema.tables import GridTable
+    from resilience.case.schema import GridTable
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
-    from resilience.case.schema.tables import LoadTable
+    from resilience.case.schema import LoadTable
 
 
 @dataclass(frozen=True)

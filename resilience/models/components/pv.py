@@ -26,7 +26,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
-    from resilience.case.schema.tables import PVTable
+    from resilience.case.schema import PVTable
 
 
 @dataclass(frozen=True)

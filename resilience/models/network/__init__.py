@@ -1,0 +1,1 @@
+"""Wires as a graph: what can be merged, islands, power flow."""

@@ -1,0 +1,1 @@
+"""A stage unrolled into numbers, and what judges answers to it."""

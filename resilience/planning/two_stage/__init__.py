@@ -1,0 +1,1 @@
+"""Two-stage programs: as one program, and cut by cut."""

@@ -11,10 +11,11 @@ from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.backends.risk_averse import RiskAverse
 from resilience.models.methods.answer import gap
 from resilience.models.methods.explain import grouped
+from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.risk import RiskAverse, node_prices
 from resilience.planning.two_stage.lshaped import Options, Solved
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase

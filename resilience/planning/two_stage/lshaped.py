@@ -8,7 +8,7 @@ $$ \theta_s \ge Q_s(\hat x) + \beta_s^\top (x - \hat x), \qquad \beta_s \in \par
 
 and the master is solved again. Its optimum is a proven lower bound, the best trunk met so far with
 its true recourse cost an upper one; the two meet. Cuts are evaluated from multipliers
-(`resilience.models.program.dual_bound`), so the bound does not lean on solver tolerances. Recourse is
+(`models.program.dual_bound`), so the bound does not lean on solver tolerances. Recourse is
 taken to be feasible everywhere, as it is where loads can be shed; where it is not, the scenario is
 named.
 """

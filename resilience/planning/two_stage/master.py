@@ -16,8 +16,8 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.backends.plain import Plain
+from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Vectors, reach
-from resilience.models.risk import node_prices
 from resilience.planning.two_stage.recourse import Second
 from resilience.planning.two_stage.two_stage import TwoStage
 

@@ -20,9 +20,9 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
-from resilience.models.risk import Risk
 
 IN = " in "
 """Between the time of a node and the scenario it belongs to, in the labels of a tree."""

@@ -9,7 +9,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case, case_text, load_case
-from resilience.case.schema.storm import CloudTable
+from resilience.case.schema import CloudTable
 
 
 @pytest.fixture(scope="module")

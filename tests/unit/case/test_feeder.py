@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from resilience.case import load_case
-from resilience.case.networks.feeder import FeederError, read_feeder
+from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.pandapower_net import _call, _feeder, feeder_by_name
-from resilience.case.schema.tables import NetworkTable
+from resilience.case.networks.read import read_feeder
+from resilience.case.schema import NetworkTable
 from resilience.errors import UsageError
 
 BRANCH_R, BRANCH_X = 2, 3

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from resilience.case.networks.feeder import FeederError, read_feeder
+from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.pandapower_net import feeder_by_name
-from resilience.case.schema.tables import NetworkTable
+from resilience.case.networks.read import read_feeder
+from resilience.case.schema import NetworkTable
 
 # Three buses in the style of MATPOWER's distribution cases: kW and ohm, converted at the end.
 OHMS = """\

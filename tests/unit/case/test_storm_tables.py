@@ -10,8 +10,7 @@ from valid import VALID
 import resilience as rs
 from resilience.case import case_text, load_case
 from resilience.case.checks.geography import findings
-from resilience.case.schema.storm import CurveTable, GeographyTable, StormTable
-from resilience.case.schema.tables import LineTable
+from resilience.case.schema import CurveTable, GeographyTable, LineTable, StormTable
 from resilience.errors import CaseError, Problem
 from resilience.fragility.chain import case_track, storm
 

@@ -13,10 +13,11 @@ from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.columns import AC_COLUMNS, COLUMNS
-from resilience.evaluation.compare import compare, held_out, parse_error
+from resilience.evaluation.compare import compare, parse_error
 from resilience.evaluation.measures.measures import critical_loads
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell

@@ -10,11 +10,12 @@ import pytest
 from small import small
 
 import resilience as rs
+from resilience.case.days import held_out
 from resilience.dispatch.mpc import BlindMPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
-from resilience.evaluation.compare import compare, held_out
+from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios

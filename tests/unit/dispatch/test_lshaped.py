@@ -8,7 +8,7 @@ import pytest
 from resilience.errors import InfeasibleError
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.planning.two_stage.extensive import extensive
 from resilience.planning.two_stage.lshaped import Options, lshaped
 from resilience.planning.two_stage.recourse import Recourse

@@ -19,7 +19,7 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.simulation.world import Observation, World
 
 

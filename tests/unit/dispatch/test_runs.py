@@ -14,10 +14,10 @@ from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation import runs
-from resilience.evaluation.compare import held_out
 from resilience.evaluation.engines import spread
 from resilience.evaluation.store import Store, code
 from resilience.fragility.draw import sample_bell

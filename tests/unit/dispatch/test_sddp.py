@@ -10,6 +10,7 @@ from small import small
 
 import resilience as rs
 from resilience.case import Case
+from resilience.case.days import held_out
 from resilience.dispatch.rules import Rule
 from resilience.dispatch.sddp import book as books
 from resilience.dispatch.sddp.book import Book
@@ -17,7 +18,6 @@ from resilience.dispatch.sddp.policy import Sddp
 from resilience.dispatch.sddp.storm import Fleet
 from resilience.dispatch.sddp.training import Settings
 from resilience.evaluation.clairvoyant import clairvoyant
-from resilience.evaluation.compare import held_out
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios

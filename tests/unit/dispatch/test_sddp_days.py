@@ -7,8 +7,8 @@ import pytest
 from small import small
 
 import resilience as rs
+from resilience.case.days import held_out
 from resilience.dispatch.sddp.days import Days, learnt, past_days, slot_of_day
-from resilience.evaluation.compare import held_out
 
 RNG = np.random.default_rng(4)
 SLOTS = 24

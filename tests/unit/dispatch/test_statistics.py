@@ -8,6 +8,7 @@ from scipy.optimize import linprog
 
 from resilience.errors import UsageError
 from resilience.evaluation.measures import statistics
+from resilience.models.program import risk_measures
 
 
 def rng() -> np.random.Generator:
@@ -32,17 +33,17 @@ def cvar_by_lp(x, alpha: float, p) -> float:
 def test_cvar_is_the_optimum_of_its_linear_program(seed, n, alpha):
     draw = np.random.default_rng(seed)
     x, p = draw.normal(40, 10, n), draw.dirichlet(np.ones(n))
-    found = statistics.conditional_value_at_risk(x, alpha, p)
+    found = risk_measures.conditional_value_at_risk(x, alpha, p)
     assert found == pytest.approx(cvar_by_lp(x, alpha, p), rel=1e-7)
 
 
 def test_cvar_by_hand():
     x = np.arange(1.0, 11.0)
-    assert statistics.conditional_value_at_risk(x, 0.0) == pytest.approx(5.5)
-    assert statistics.conditional_value_at_risk(x, 0.8) == pytest.approx(9.5)
-    assert statistics.conditional_value_at_risk(x, 0.75) == pytest.approx((10 + 9 + 4) / 2.5)
-    assert statistics.conditional_value_at_risk(x, 0.95) == pytest.approx(10)
-    assert [statistics.value_at_risk(x, a) for a in (0.0, 0.3, 0.9, 0.91)] == [1, 3, 9, 10]
+    assert risk_measures.conditional_value_at_risk(x, 0.0) == pytest.approx(5.5)
+    assert risk_measures.conditional_value_at_risk(x, 0.8) == pytest.approx(9.5)
+    assert risk_measures.conditional_value_at_risk(x, 0.75) == pytest.approx((10 + 9 + 4) / 2.5)
+    assert risk_measures.conditional_value_at_risk(x, 0.95) == pytest.approx(10)
+    assert [risk_measures.value_at_risk(x, a) for a in (0.0, 0.3, 0.9, 0.91)] == [1, 3, 9, 10]
 
 
 def test_cvar_of_a_normal_variable():
@@ -51,19 +52,19 @@ def test_cvar_of_a_normal_variable():
     n = 20000
     x = norm.ppf((np.arange(n) + 0.5) / n)
     closed = norm.pdf(norm.ppf(0.95)) / 0.05
-    assert statistics.conditional_value_at_risk(x, 0.95) == pytest.approx(closed, rel=1e-3)
+    assert risk_measures.conditional_value_at_risk(x, 0.95) == pytest.approx(closed, rel=1e-3)
 
 
 def test_equal_weights_are_no_weights_and_impossible_members_do_not_count():
     x = np.array([3.0, 9.0, 1.0, 4.0])
     quarter = np.full(4, 0.25)
-    for risk in (statistics.value_at_risk, statistics.conditional_value_at_risk):
+    for risk in (risk_measures.value_at_risk, risk_measures.conditional_value_at_risk):
         assert risk(x, 0.6, quarter) == risk(x, 0.6)
         assert risk(x, 0.6, np.array([0.5, 0, 0.25, 0.25])) == pytest.approx(
             risk(x[[0, 0, 2, 3]], 0.6)
         )
-    assert statistics.worst(x) == 9
-    assert statistics.worst(x, np.array([0.5, 0, 0.25, 0.25])) == 4
+    assert risk_measures.worst(x) == 9
+    assert risk_measures.worst(x, np.array([0.5, 0, 0.25, 0.25])) == 4
 
 
 def test_interquartile_mean_leaves_the_outer_quarters_out():
@@ -174,14 +175,14 @@ def test_farmer():
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda: statistics.value_at_risk([1.0], 1.0), "alpha is 1"),
-        (lambda: statistics.worst([]), "at least one value"),
-        (lambda: statistics.worst([1.0, np.nan]), "all finite"),
+        (lambda: risk_measures.value_at_risk([1.0], 1.0), "alpha is 1"),
+        (lambda: risk_measures.worst([]), "at least one value"),
+        (lambda: risk_measures.worst([1.0, np.nan]), "all finite"),
         (lambda: statistics.paired_difference([1, 2], [1], rng()), "the same episodes"),
         (lambda: statistics.mean_interval([1], rng()), "a stratum has 1 value"),
         (lambda: statistics.mean_interval([1, 2, 3], rng(), strata=[0, 0, 1]), "leave the strata"),
         (lambda: statistics.mean_interval([1, 2, 3], rng(), strata=[0, 0]), "strata have"),
-        (lambda: statistics.worst([1, 2], np.array([1.5, -0.5])), "none negative"),
+        (lambda: risk_measures.worst([1, 2], np.array([1.5, -0.5])), "none negative"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(call, words):

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import resilience as rs
+from resilience.case.days import held_out
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.stochastic import Stochastic
-from resilience.evaluation.compare import compare, held_out
+from resilience.evaluation.compare import compare
 from resilience.fragility.beliefs.belief import BellBelief, case_belief
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import microgrid
-from resilience.planning.scenario_program import storm_grid
-from resilience.simulation.world import World, simulate
+from resilience.simulation.world import World, grid_with_fallible_lines, simulate
 
 CASE = "ieee33_rammasun"
 
@@ -92,6 +92,6 @@ def test_lines_that_a_case_thought_firm_fail_where_scenarios_say_so() -> None:
     report = compare("ieee33", ["rule"], days=1, scenarios=Scenarios(("5-6",), down, np.ones(1)))
     grid = report.world.grid
     assert "5-6" in grid.network.line_names
-    assert storm_grid(case, report.world.scenarios, "copperplate").network.line_names == (
-        grid.network.line_names
-    )
+    assert grid_with_fallible_lines(
+        case, report.world.scenarios, "copperplate"
+    ).network.line_names == (grid.network.line_names)

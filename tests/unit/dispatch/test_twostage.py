@@ -18,15 +18,16 @@ from typer.testing import CliRunner
 
 import resilience as rs
 from resilience.case import Case
-from resilience.cli.main import app
+from resilience.cli import app
 from resilience.errors import InfeasibleError, UsageError
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.risk import Risk
+from resilience.models.program.risk import Risk
 from resilience.planning.scenario_methods import solve_storms, wait_and_see
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.scenario_program import Storms, storm_grid, storm_program
+from resilience.planning.scenario_program import Storms, storm_program
+from resilience.simulation.world import grid_with_fallible_lines
 
 ALGORITHMS = ("extensive", "lshaped")
 
@@ -193,7 +194,9 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     weights = np.random.default_rng(0).random(12)
     scenarios = Scenarios(drawn.lines, drawn.down, weights / weights.sum())
     program = storm_program(
-        storm_grid(feeder, scenarios, "copperplate"), Storms.among(scenarios, feeder), risk=risk
+        grid_with_fallible_lines(feeder, scenarios, "copperplate"),
+        Storms.among(scenarios, feeder),
+        risk=risk,
     )
     assert len(set(program.leaves)) > 3
     cut, whole = (

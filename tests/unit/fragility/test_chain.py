@@ -10,8 +10,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case
-from resilience.case.schema.storm import CurveTable
-from resilience.case.schema.tables import LineTable
+from resilience.case.schema import CurveTable, LineTable
 from resilience.fragility import chain
 from resilience.fragility.chain import Storm, slot_times, storm, storm_scenarios
 from resilience.fragility.draw import outages_from, sample_case

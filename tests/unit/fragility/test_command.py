@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import resilience as rs
-from resilience.cli.main import main
+from resilience.case.outages import outage_texts
+from resilience.cli import main
 from resilience.fragility import Bell, load_scenarios, sample_bell, sample_outages
-from resilience.planning.plan import outage_texts
 
 
 def call(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -69,7 +69,7 @@ def test_a_plan_for_a_drawn_storm() -> None:
     case = rs.load_case("ieee33").replace(slots=96)
     drawn = case.replace(outages=sample_outages(case, Bell(), 3))
     plan = rs.solve(case, "lp", physics="copperplate", outages="bell", seed=3)
-    assert plan.outages == outage_texts(drawn)
-    assert plan.outages != outage_texts(case)
+    assert plan.outages == outage_texts(drawn.outages, drawn.window)
+    assert plan.outages != outage_texts(case.outages, case.window)
     with pytest.raises(rs.UsageError, match="seed 3 without a draw"):
         rs.solve(case, "lp", seed=3)

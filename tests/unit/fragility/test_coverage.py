@@ -11,7 +11,7 @@ import pytest
 import resilience as rs
 from resilience.case import Case
 from resilience.case.checks.geography import findings
-from resilience.case.schema.storm import GeographyTable
+from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.chain import case_track, storm
 from resilience.fragility.tracks import Track

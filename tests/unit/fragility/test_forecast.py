@@ -8,8 +8,7 @@ from storms import feeder
 
 import resilience as rs
 from resilience.errors import UsageError
-from resilience.fragility import ForecastError, sample_profiles
-from resilience.simulation.forecast import Outlook, sample_outlook
+from resilience.simulation.forecast import ForecastError, Outlook, sample_outlook, sample_profiles
 
 SIGMA = 0.1
 N = 4000

@@ -11,7 +11,7 @@ import resilience as rs
 from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
-from resilience.case.schema.storm import GeographyTable
+from resilience.case.schema import GeographyTable
 from resilience.fragility.lines.geography import Geography, geography
 
 ANCHOR = GeographyTable(synthetic=True, anchor_lat_deg=22.0, anchor_lon_deg=120.74)

@@ -12,7 +12,7 @@ import pytest
 
 import resilience as rs
 from resilience import fragility
-from resilience.cli.main import main
+from resilience.cli import main
 from resilience.fragility.feeder_hazard import Hazard, hazard
 from resilience.fragility.outages.files import load_scenarios
 from resilience.plots.hazard import plot_hazard

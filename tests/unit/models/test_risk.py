@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from resilience.errors import UsageError
-from resilience.evaluation.measures.statistics import conditional_value_at_risk
+from resilience.models.backends.risk_averse import RiskAverse
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
+from resilience.models.program.risk import Risk, node_prices
+from resilience.models.program.risk_measures import conditional_value_at_risk
 from resilience.models.program.unroll import unroll
-from resilience.models.risk import Risk, RiskAverse, node_prices
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.75, 0.95])

@@ -11,7 +11,7 @@ from small import small
 from stormy import chain, compared, cut
 
 import resilience as rs
-from resilience.evaluation.compare import held_out
+from resilience.case.days import held_out
 from resilience.evaluation.comparison import Comparison
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell

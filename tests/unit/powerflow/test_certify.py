@@ -10,7 +10,8 @@ from resilience.case import Case, load_case
 from resilience.errors import UsageError
 from resilience.models.case_program import status
 from resilience.models.microgrid import microgrid
-from resilience.models.network.ac_check import certify, connected, roots
+from resilience.models.network.ac_check import connected, roots
+from resilience.planning.ac_check import certify
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve
 

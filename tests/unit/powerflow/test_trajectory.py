@@ -8,11 +8,11 @@ from oracle import oracle
 from small import small
 
 import resilience as rs
+from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation import ac_check as certify
 from resilience.evaluation.ac_check import certify_trajectory
-from resilience.evaluation.compare import held_out
 from resilience.evaluation.measures.measures import demand
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell

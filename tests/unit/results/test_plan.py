@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.planning.plan import UNITS, replacing
+from resilience.files import replacing
+from resilience.planning.tables import UNITS
 
 HEAD = """
 name = "small"

@@ -10,8 +10,7 @@ from pydantic.fields import FieldInfo
 
 from resilience.case.document import Document, entry_name
 from resilience.case.networks.network import did_you_mean
-from resilience.case.schema.fields import Table
-from resilience.case.schema.tables import DEVICES
+from resilience.case.schema import DEVICES, Table
 
 T = TypeVar("T", bound=Table)
 Where = tuple[str, ...]

@@ -1,132 +1,22 @@
-r"""Expected cost and conditional value at risk, as an objective over the leaves of a tree.
+"""The expected cost and its conditional value at risk, minimised over the leaves of a tree.
 
-$$ \rho = (1 - w)\, \mathbb{E}[c] + w \min_\eta \Big\{ \eta
-   + \frac{1}{1 - \alpha} \sum_s p_s\, u_s \Big\}, \qquad u_s \ge c_s - \eta, \quad u_s \ge 0 $$
-
-(Rockafellar and Uryasev 2000), where $c_s$ is what the path to leaf $s$ costs. The rows
-$c_s^\top z - \eta - u_s \le -c_s^0$ hold prices, the one place where data enters a matrix; a model
-that is solved again has them updated in place.
+See `resilience.models.program.risk` for the equations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats
-from resilience.errors import UsageError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered
-from resilience.models.language.tree import Tree
 from resilience.models.program.dual_bound import safe_bound
+from resilience.models.program.risk import Risk, node_prices, paths
 from resilience.models.program.standard import Standard, Values, Vectors
-
-FORM = "cvar:ALPHA:WEIGHT"
-
-
-@dataclass(frozen=True)
-class Risk:
-    """Weight `weight` on the mean of the worst 1 - `alpha` of the costs, the rest on the mean.
-
-    Raises:
-        UsageError: alpha or weight out of range.
-    """
-
-    alpha: float = 0.95
-    weight: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 <= self.alpha < 1.0 and 0.0 <= self.weight <= 1.0):
-            raise UsageError(
-                f"risk has alpha {self.alpha:g} and weight {self.weight:g}; "
-                "allowed: 0 <= alpha < 1, 0 <= weight <= 1",
-                hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
-            )
-
-    @classmethod
-    def parse(cls, text: str) -> Risk:
-        """`mean`, or `cvar:ALPHA:WEIGHT`.
-
-        Raises:
-            UsageError: any other text.
-        """
-        if text.strip().lower() in ("mean", "expected"):
-            return cls()
-        kind, *numbers = text.strip().lower().split(":")
-        try:
-            alpha, weight = (float(number) for number in numbers)
-            known = kind == "cvar"
-        except ValueError:
-            known = False
-        if not known:
-            raise UsageError(
-                f"risk {text!r} is unknown; allowed: mean, {FORM}",
-                hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
-            )
-        return cls(alpha, weight)
-
-    @property
-    def averse(self) -> bool:
-        """Whether anything but the mean counts."""
-        return self.weight > 0.0
-
-    def of(self, cost: Floats, probability: Floats) -> float:
-        """The objective of costs (scenarios,) in $; the probabilities add up to 1."""
-        mean = float(probability @ cost)
-        if not self.averse:
-            return mean
-        order = np.argsort(cost)
-        reached = np.cumsum(probability[order])
-        at = min(int(np.searchsorted(reached, self.alpha - 1e-12)), len(cost) - 1)
-        eta = float(cost[order][at])
-        tail = eta + float(probability @ np.maximum(cost - eta, 0.0)) / (1.0 - self.alpha)
-        return (1.0 - self.weight) * mean + self.weight * tail
-
-    def __str__(self) -> str:
-        if not self.averse:
-            return "expected cost"
-        return f"{1 - self.weight:g} of the expected cost, {self.weight:g} of CVaR {self.alpha:g}"
-
-
-def node_prices(problem: Standard, data: Values) -> tuple[sp.csr_array, Floats]:
-    """What every node costs, not weighted: prices (nodes, columns) and an offset (nodes,), in $.
-
-    The future cost of a leaf belongs to the leaf.
-    """
-    rows, columns, values = [], [], []
-    offset = np.zeros(problem.tree.n)
-    for form, table, nodes in zip(problem.forms, problem.tables, problem.members, strict=True):
-        d = problem.data_matrix(data, form, nodes)
-        start = form.parts[-1]
-        prices = form.fixed[start:, None] + form.moving[start:] @ d
-        rows.append(np.repeat(nodes, form.n_columns))
-        columns.append(table.ravel())
-        values.append(prices.T.ravel())
-        offset[nodes] = form.offset + form.offset_data @ d
-    leaves = problem.tree.leaves
-    rows.append(leaves)
-    columns.append(problem.future)
-    values.append(np.ones(len(leaves)))
-    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    found = sp.csr_array(entries, shape=(problem.tree.n, problem.n_columns))
-    found.eliminate_zeros()
-    return found, offset
-
-
-def paths(tree: Tree) -> sp.csr_array:
-    """(leaves, nodes) 1 where a node lies on the way to a leaf."""
-    rows, columns = [], []
-    for k, leaf in enumerate(tree.leaves):
-        node = int(leaf)
-        while node >= 0:
-            rows.append(k)
-            columns.append(node)
-            node = int(tree.parent[node])
-    return sp.csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(tree.leaves), tree.n))
 
 
 class RiskAverse(Highs):

@@ -216,7 +216,3 @@ def main(arguments: list[str] | None = None) -> Any:
     except KeyboardInterrupt:
         print("interrupted; nothing was written", file=sys.stderr)
         sys.exit(130)
-
-
-if __name__ == "__main__":
-    main()

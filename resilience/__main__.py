@@ -1,0 +1,5 @@
+"""`python -m resilience`: the command line."""
+
+from resilience.cli import main
+
+main()

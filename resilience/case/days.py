@@ -1,0 +1,53 @@
+"""Which days of the profiles are for tests: nothing is tuned or trained on them."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from pathlib import Path
+
+from resilience.case.data import Case
+from resilience.case.profiles import read_profile_file
+from resilience.errors import UsageError
+
+USUAL_DAYS = 16
+TEST_SHARE = 0.25  # of the days of the profiles, the last ones: nothing is tuned on them
+
+
+def held_out(case: Case, days: int | None = None) -> Case:
+    """The case over the last `days` days of its profiles, which nothing is tuned on.
+
+    A case with a storm keeps its own horizon, without the outages to plan for.
+
+    Raises:
+        UsageError: more days than the last quarter of the profiles has; a case without a profile
+            file keeps its own horizon and must have as many days; days of a case with a storm.
+    """
+    if case.storm is not None and case.storm.points:
+        if days is not None:
+            raise UsageError(
+                f"--days {days} of case {case.name!r}; allowed: its own horizon, {case.window}",
+                hint="leave out --days: its storm comes once, on the days that the case says",
+            )
+        return case.replace(outages=())
+    days = USUAL_DAYS if days is None else days
+    file = case.source.get("profiles", {}).get("file")
+    per_day = round(24 * 60 / case.step_min)
+    if file is None:
+        if case.slots != days * per_day:
+            raise UsageError(
+                f"case {case.name!r} has no profile file beyond its {case.slots} slots; "
+                f"allowed: --days {case.slots // per_day}",
+                hint="name a profile file in [profiles] to evaluate on more days",
+            )
+        return case
+    times = read_profile_file(Path(file)).times
+    whole = len(times) // per_day
+    most = math.ceil(TEST_SHARE * whole)
+    if not 0 < days <= most:
+        raise UsageError(
+            f"--days {days}; allowed: 1 to {most}, the last quarter of the {whole} in the profiles",
+            hint="the days before are for tuning and training",
+        )
+    first: datetime = times[(whole - days) * per_day].astype("datetime64[s]").item()
+    return case.replace(start=first, slots=days * per_day, outages=())

@@ -1,0 +1,65 @@
+"""Results appear whole or not at all: a folder or a file takes the place of what stood there."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from resilience.errors import UsageError
+
+
+def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
+    """Names of what is in a folder that `replacing` may replace.
+
+    Raises:
+        UsageError: it is a file, or holds something that is no earlier result.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file", hint="name a folder")
+    there = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+    if set(there) - {keep} and mark not in there:
+        raise UsageError(
+            f"{folder} is not empty and holds no earlier result", hint="name a new folder"
+        )
+    return there
+
+
+@contextmanager
+def replacing(folder: Path, mark: str, keep: str = "") -> Iterator[Path]:
+    """A new folder that takes the place of `folder` when the block ends well.
+
+    An existing folder is replaced only if it is empty or holds the file `mark`; its sub-folder
+    `keep` does not count, and moves on to the new one.
+    """
+    there = check_replaceable(folder, mark, keep)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        yield fresh
+        fresh.chmod(0o755)
+        if folder.exists():
+            old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
+            os.replace(folder, old / "was")
+            os.replace(fresh, folder)
+            if keep and keep in there:
+                os.replace(old / "was" / keep, folder / keep)
+            shutil.rmtree(old)
+        else:
+            os.replace(fresh, folder)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+
+
+@contextmanager
+def replacing_file(path: Path) -> Iterator[Path]:
+    """A new file, called as `path`, that takes its place when the block ends well."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".new-", dir=path.parent) as folder:
+        fresh = Path(folder) / path.name
+        yield fresh
+        os.replace(fresh, path)

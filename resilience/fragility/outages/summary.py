@@ -1,0 +1,52 @@
+"""Scenarios in a few numbers: how often a line is out, for how long, and all of them at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from resilience.case import Case
+from resilience.fragility.outages.scenarios import Scenarios
+
+
+def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
+    """Chances over the horizon and per calendar day, mean times in hours, scenarios weighted.
+
+    Args:
+        scenarios: from the start of the case's horizon on.
+        case: says when that is, and how long a slot is.
+    """
+    dates = [case.window.time(t).date() for t in range(scenarios.slots)]
+    first = [t for t, date in enumerate(dates) if t == 0 or date != dates[t - 1]]
+    down, weight = scenarios.down, scenarios.probability
+    before = np.pad(down, ((0, 0), (1, 0), (0, 0)))[:, :-1]
+    begins = np.add.reduceat(down & ~before, first, axis=1, dtype=np.intp)
+    hours = down.sum(axis=1) @ weight * case.step_h
+    counts = begins.sum(axis=1) @ weight
+    ever = down.any(axis=1) @ weight
+    chance = (begins > 0).mean(axis=1) @ weight
+    together = down.all(axis=0) if len(scenarios.lines) else np.zeros(down.shape[1:], bool)
+    all_out = np.logical_or.reduceat(together, first, axis=0).mean(axis=0) @ weight
+    lines = {
+        line: {
+            "outage_chance": float(ever[k]),
+            "hours_out": float(hours[k]),
+            "outage_chance_per_day": float(chance[k]),
+            "hours_out_per_day": float(hours[k] / len(first)),
+            "hours_per_outage": float(hours[k] / counts[k]) if counts[k] else 0.0,
+        }
+        for k, line in enumerate(scenarios.lines)
+    }
+    return {
+        "case": case.name,
+        "scenarios": scenarios.n,
+        "slots": scenarios.slots,
+        "step_min": case.step_min,
+        "days": len(first),
+        "seed": scenarios.seed,
+        "process": scenarios.process,
+        "lines": lines,
+        "all_out_chance": float(together.any(axis=0) @ weight),
+        "all_out_chance_per_day": float(all_out),
+    }

@@ -1,0 +1,196 @@
+"""Is a plan one that the wires can carry? AC power flow of all its slots, islands included.
+
+The plan's powers are taken as they are. In every island the largest forming unit is the root: it
+holds the voltage, and gives what the plan did not fund, losses above all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from resilience.arrays import Bools, Floats, Ints
+from resilience.case import Case
+from resilience.case.schema import DeviceTable
+from resilience.errors import UsageError
+from resilience.models.case_program import status
+from resilience.models.network.ac_check import TOLERANCE, at_buses, carriers, connected, power_range
+from resilience.models.network.powerflow import Flow, flow
+from resilience.planning.plan import Plan
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Where and when a limit is exceeded most; a negative excess is what is left to it."""
+
+    name: str
+    time: str
+    value: float
+    limit: float
+    excess: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What AC power flow says of a plan. Slots that did not converge count in nothing else.
+
+    Attributes:
+        slots: number of slots checked.
+        not_converged: times of the slots without a solution.
+        undervoltage, overvoltage: bus and time nearest to its limit or farthest beyond it, pu.
+        overload: the same for lines with a rating, MVA; None where no line has one.
+        root: the same for the active power of the units that carry an island, MW.
+        loss_mwh: AC losses.
+        plan_loss_mwh: losses that the plan reckoned with.
+        unfunded_mwh: the difference, which the roots had to give.
+        flow: voltages and flows of all slots.
+    """
+
+    slots: int
+    not_converged: tuple[str, ...]
+    undervoltage: Worst | None
+    overvoltage: Worst | None
+    overload: Worst | None
+    root: Worst | None
+    loss_mwh: float
+    plan_loss_mwh: float
+    unfunded_mwh: float
+    flow: Flow = field(repr=False, compare=False)
+
+    @property
+    def ok(self) -> bool:
+        """Every slot has a solution and no limit is exceeded."""
+        found = (self.undervoltage, self.overvoltage, self.overload, self.root)
+        within = all(worst is None or worst.excess <= TOLERANCE for worst in found)
+        return within and not self.not_converged
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the flow, as plain data."""
+        names = ("undervoltage", "overvoltage", "overload", "root")
+        worst = {name: getattr(self, name) for name in names}
+        return {
+            "ok": self.ok,
+            "slots": self.slots,
+            "not_converged": list(self.not_converged),
+            **{name: None if found is None else asdict(found) for name, found in worst.items()},
+            "loss_mwh": self.loss_mwh,
+            "plan_loss_mwh": self.plan_loss_mwh,
+            "unfunded_mwh": self.unfunded_mwh,
+        }
+
+
+def certify(plan: Plan) -> Certificate:
+    """Checks all slots of a plan at once, with its own powers, line status and islands.
+
+    Where the plan has no reactive power, its sources give none but the roots, which give all. A
+    root holds the plan's voltage, or the grid's `v_pu`, or 1 pu.
+
+    Raises:
+        UsageError: a plan without its case.
+    """
+    if plan.case is None:
+        raise UsageError("a plan without its case has no network", hint="solve the case again")
+    case = plan.case
+    situation = connected(case, _closed(plan, case))
+    units, chosen = carriers(case, situation)
+    root = at_buses(case, units, chosen) > 0
+    p, q = _injections(plan, case)
+    found = flow(case.network, p, q, situation.line_up, root, _held(plan, case, root))
+    solved = found.converged
+    loss = float(found.loss_mw[solved].sum()) * case.step_h
+    planned = float(p[:, solved].sum()) * case.step_h
+    return Certificate(
+        slots=case.slots,
+        not_converged=tuple(case.slot_label(int(t)) for t in np.flatnonzero(~solved)),
+        **_limits(case, found),
+        root=_beyond(plan, case, found, units, chosen),
+        loss_mwh=loss,
+        plan_loss_mwh=planned,
+        unfunded_mwh=loss - planned,
+        flow=found,
+    )
+
+
+def _closed(plan: Plan, case: Case) -> Bools:
+    """(lines, slots) lines that carry power: not failed, and closed in the plan."""
+    network = case.network
+    up: Bools = status(case) & network.in_service[:, None]
+    if "line_closed" in plan.tables:
+        # Merged buses and bundles of lines have no row: these lines cannot be anything but closed.
+        table = plan.tables["line_closed"]
+        up[[network.line(name) for name in table.labels]] = table.values > 0.5
+    return up
+
+
+def _injections(plan: Plan, case: Case) -> tuple[Floats, Floats]:
+    """(buses, slots) active and reactive power that the plan feeds in."""
+    power, q = plan.tables["power"], np.zeros((len(case.network.bus_names), case.slots))
+    devices: dict[str, DeviceTable] = {
+        t.name: t for t in (*case.load, *case.pv, *case.ess, *case.generator, *case.grid)
+    }
+    p = at_buses(case, [devices[name] for name in power.labels], power.values)
+    if case.load:
+        slope = np.array([np.tan(np.arccos(load.power_factor)) for load in case.load])
+        served = np.array([power[load.name] for load in case.load])
+        q += at_buses(case, case.load, slope[:, None] * served)
+    if "reactive" in plan.tables:
+        table = plan.tables["reactive"]
+        q += at_buses(case, [devices[name] for name in table.labels], table.values)
+    return p, q
+
+
+def _held(plan: Plan, case: Case, root: Bools) -> Floats:
+    """(buses, slots) voltage to hold where a bus is a root, pu."""
+    held = np.ones(root.shape)
+    for grid in case.grid:
+        held[case.network.bus(grid.bus)] = grid.v_pu
+    if "voltage" in plan.tables:
+        table = plan.tables["voltage"]
+        at: Ints = np.array([case.network.bus(name) for name in table.labels], np.intp)
+        held[at] = table.values
+    return held
+
+
+def _limits(case: Case, found: Flow) -> dict[str, Worst | None]:
+    network, v = case.network, found.v_pu
+    low, high = network.v_min_pu[:, None], network.v_max_pu[:, None]
+    rated = np.flatnonzero(np.isfinite(network.rating_mva))
+    loading, rating = found.s_line_mva[rated], network.rating_mva[rated, None]
+    names = [network.line_names[k] for k in rated]
+    return {
+        "undervoltage": _worst(case, network.bus_names, v, low, low - v),
+        "overvoltage": _worst(case, network.bus_names, v, high, v - high),
+        "overload": _worst(case, names, loading, rating, loading - rating),
+    }
+
+
+def _beyond(plan: Plan, case: Case, found: Flow, units: list[Any], chosen: Bools) -> Worst | None:
+    """The unit that has to give or take most beyond its range to carry its island."""
+    if not units:
+        return None
+    bus = [case.network.bus(unit.bus) for unit in units]
+    planned = np.array([plan.tables["power"][unit.name] for unit in units])
+    given = np.where(chosen, planned + found.p_root_mw[bus], np.nan)
+    least, most = np.array([power_range(unit) for unit in units]).T[:, :, None]
+    limit = np.where(given - most > least - given, most, least)
+    names = [unit.name for unit in units]
+    return _worst(case, names, given, limit, np.maximum(given - most, least - given))
+
+
+def _worst(
+    case: Case, names: list[str] | tuple[str, ...], value: Floats, limit: Floats, excess: Floats
+) -> Worst | None:
+    """The entry of greatest excess, arrays (names, slots); None where there is no number."""
+    if not np.isfinite(excess).any():
+        return None
+    k, t = np.unravel_index(np.nanargmax(excess), excess.shape)
+    bound = np.broadcast_to(limit, excess.shape)[k, t]
+    return Worst(
+        names[int(k)],
+        case.slot_label(int(t)),
+        float(value[k, t]),
+        float(bound),
+        float(excess[k, t]),
+    )
