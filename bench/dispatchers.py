@@ -13,7 +13,7 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import Trajectory, World, simulate
 
 DAYS, DRAWS = 16, 8
@@ -43,7 +43,7 @@ def _run(case_name: str, method: str) -> Trajectory:
     """One storm path over the test days, building included."""
     case = held_out(load_case(case_name), DAYS)
     storms = sample_bell(case, case_bell(case), 1, 0)
-    world = World.of(microgrid(case, "copperplate"), storms)
+    world = World.of(Microgrid.of(case, "copperplate"), storms)
     return simulate(world, DISPATCHERS[method](world))
 
 

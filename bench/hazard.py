@@ -8,7 +8,12 @@ import numpy as np
 
 from bench.row import Row, below, timed
 from resilience.fragility.lines.damage import hazard
-from resilience.fragility.lines.spans import Lines, SpanWind, failure_probability, poles_in_series
+from resilience.fragility.lines.spans import (
+    SpannedLines,
+    SpanWind,
+    failure_probability,
+    poles_in_series,
+)
 from resilience.fragility.outages.reduction import reduced
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
@@ -46,14 +51,14 @@ def hazards() -> Iterator[Row]:
     yield below("hazard, probability per line, exact", 1e3 * seconds, 100.0, "ms")
 
 
-def feeder(correlation: float = 0.3) -> Lines:
+def feeder(correlation: float = 0.3) -> SpannedLines:
     rng = np.random.default_rng(1)
     spans = rng.integers(20, 101, LINES)
     names = [f"{k + 1}-{k + 2}" for k in range(LINES)]
     return poles_in_series(names, np.repeat(np.arange(LINES), spans), correlation=correlation)
 
 
-def passing(lines: Lines, gust_mps: float) -> SpanWind:
+def passing(lines: SpannedLines, gust_mps: float) -> SpanWind:
     """A storm that passes at noon, a little sooner and stronger at some spans than at others."""
     rng = np.random.default_rng(2)
     spans = len(lines.span_line)

@@ -10,11 +10,11 @@ from resilience.case import load_case
 from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
-from resilience.evaluation.ac_check import certify_trajectory
+from resilience.evaluation.ac_check import ac_check_trajectory
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import World, simulate
 
 DAYS, DRAWS = 16, 8
@@ -23,8 +23,8 @@ SMALL_SHARE = 0.5  # of an episode of the fastest solver-based method
 
 def judging() -> Iterator[Row]:
     case = held_out(load_case("ieee33-tou"), DAYS)
-    grid, bell = microgrid(case, "copperplate"), case_bell(case)
-    worlds = {n: World.of(grid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
+    microgrid, bell = Microgrid.of(case, "copperplate"), case_bell(case)
+    worlds = {n: World.of(microgrid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
     one, eight = (timed(clairvoyant, worlds[n])[0] for n in (1, DRAWS))
     each = (eight - one) / (DRAWS - 1)
     note = f"{case.slots:,} slots, once {one:.2f} s for the first"
@@ -35,6 +35,6 @@ def judging() -> Iterator[Row]:
     note = f"{idle:.2f} s without decisions, {blind:.2f} s with those of mpc-blind"
     yield below("an episode's share apart from decisions", idle / blind, SMALL_SHARE, "", note)
     run = simulate(worlds[DRAWS], DISPATCHERS["rule"](worlds[DRAWS]))
-    seconds, _ = timed(certify_trajectory, worlds[DRAWS], run)
+    seconds, _ = timed(ac_check_trajectory, worlds[DRAWS], run)
     note = f"{run.cost.size:,} members, islands included, {run.cost.size / seconds:,.0f} a second"
     yield below(f"AC certification, {DAYS} days x {DRAWS} draws", seconds, 5.0, "s", note)

@@ -12,7 +12,7 @@ from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.backends.pyomo import Pyomo
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.program.standard import Standard, Values
 
 WINDOW = 8
@@ -44,7 +44,7 @@ def building() -> Iterator[Row]:
     yield ratio("build 96 slots, highs over pyomo", slow, fast, 50.0)
 
 
-def windows(day: Problem, window: Standard, order: np.ndarray) -> list[tuple[Values, Values]]:
+def windows(day: CaseProgram, window: Standard, order: np.ndarray) -> list[tuple[Values, Values]]:
     """Data and states of windows that begin at the slots `order`, as a controller meets them.
 
     Demand and PV differ from the forecast by up to 5 %, and so does the storage from the plan.

@@ -14,7 +14,7 @@ from resilience.dispatch.sddp.policy import PATHS, Sddp
 from resilience.dispatch.sddp.training import simulated
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import World, simulate
 
 CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200
@@ -24,14 +24,14 @@ BUILD_S = 10.0
 def training() -> Iterator[Row]:
     case = held_out(load_case(CASE), 1)
     bell = Bell(centres=(CENTRE,))
-    world = World.of(microgrid(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
+    world = World.of(Microgrid.of(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
     book = Book(case, bell, cache=False)
     _, end = book.ends(world.end_value_per_mwh)
     seconds, found = timed(book.cut_set, CENTRE, end)
     begin = book.start, book.climate.levels.mean(axis=0)
     bound = found.trained.root.value(*begin)
     rng = np.random.default_rng(0)
-    costs = simulated(found.problem, found.trained, begin, SIMULATED, rng)
+    costs = simulated(found.multistage, found.trained, begin, SIMULATED, rng)
     error = costs.std() / np.sqrt(SIMULATED)
     note = f"bound {bound:.2f} $, {SIMULATED} simulated days {costs.mean():.2f} ± {error:.2f} $"
     yield below(f"sddp, one storm centre of {CASE}", seconds, BUILD_S, "s", note)

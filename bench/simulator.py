@@ -15,7 +15,7 @@ from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.document import Document
 from resilience.case.load import build_case
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import NetworkSimulator, Simulator
 
 TURNS, CALLS = 7, 20
@@ -48,7 +48,7 @@ class Bench:
 
     @classmethod
     def of(cls, case: Case, batch: int) -> Bench:
-        simulator = Simulator(microgrid(case, "copperplate"), case.step_h)
+        simulator = Simulator(Microgrid.of(case, "copperplate"), case.step_h)
         rng = np.random.default_rng(0)
         up = np.ones((len(case.network.line_names), batch), bool)
         up[case.network.breakpoint] = rng.random((case.network.breakpoint.sum(), batch)) < 0.5
@@ -60,14 +60,14 @@ class Bench:
 
     def looked_up(self) -> tuple[Floats, np.ndarray]:
         """Data and islands of the slot, as every slot of a run needs them."""
-        case, batch = self.simulator.grid.case, self.line_up.shape[1]
+        case, batch = self.simulator.microgrid.case, self.line_up.shape[1]
         slot = case.slots // 2
 
         def profile(name: str | None) -> Floats:
             return np.full(batch, case.profile(name)[slot])
 
-        situation = self.simulator.grid.situation(self.line_up, profile)
-        return self.simulator.stacked(self.simulator.grid.data(situation)), situation.island
+        situation = self.simulator.microgrid.situation(self.line_up, profile)
+        return self.simulator.stacked(self.simulator.microgrid.data(situation)), situation.island
 
     def step(self) -> Outcome:
         step = self.simulator.step(self.energy, self.action, self.data, self.island)
@@ -94,7 +94,7 @@ class Hand:
     """
 
     def __init__(self, bench: Bench) -> None:
-        case = bench.simulator.grid.case
+        case = bench.simulator.microgrid.case
         units, dt = case.ess, case.step_h
         size = np.array([[u.e_mwh] for u in units])
         self.low, self.high = units[0].soc_min * size, units[0].soc_max * size
@@ -229,7 +229,7 @@ def stepping() -> Iterator[Row]:
 def wired(batch: int) -> float:
     """Seconds of a step on the feeder at lindistflow."""
     case = load_case("ieee33")
-    simulator = NetworkSimulator(microgrid(case, "lindistflow"), case.step_h)
+    simulator = NetworkSimulator(Microgrid.of(case, "lindistflow"), case.step_h)
     bench = Bench.of(case, batch)
     bench.simulator = simulator
     bench.data, bench.island = bench.looked_up()

@@ -15,8 +15,12 @@ import numpy as np
 from bench.row import Row, below, timed
 from resilience.case import Case, load_case
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.planning.scenario_program import StormProgram, Storms, storm_program
-from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.planning.scenario_program import (
+    DistinctScenarios,
+    ScenarioProgram,
+    scenario_program,
+)
+from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
 from resilience.simulation.world import grid_with_fallible_lines
 
 COMMON, RECOURSE = 16, 32
@@ -30,7 +34,7 @@ def programs() -> Iterator[Row]:
         start=datetime(2016, 7, 12, 10),
         slots=COMMON + RECOURSE,
         outages=(),
-        grid=dear.grid,
+        microgrid=dear.microgrid,
         load=dear.load,
         terminal_value_per_mwh=dear.terminal_value_per_mwh,
     )
@@ -56,10 +60,14 @@ def outages(case: Case, n: int, more: int, seed: int = 0) -> Scenarios:
 def _row(name: str, case: Case, physics: str, n: int, more: int, most: float) -> Row:
     scenarios = outages(case, n, more)
 
-    def solve() -> tuple[StormProgram, Solved]:
-        grid = grid_with_fallible_lines(case, scenarios, physics)
-        made = storm_program(grid, Storms.among(scenarios, case), common_slots=COMMON)
-        options = Options(gap=GAP, workers=os.cpu_count() or 1, start=made.mean_states())
+    def solve() -> tuple[ScenarioProgram, TwoStageSolution]:
+        microgrid = grid_with_fallible_lines(case, scenarios, physics)
+        made = scenario_program(
+            microgrid, DistinctScenarios.among(scenarios, case), common_slots=COMMON
+        )
+        options = DecompositionOptions(
+            gap=GAP, workers=os.cpu_count() or 1, start=made.mean_states()
+        )
         return made, lshaped(made.two, options)
 
     seconds, (made, found) = timed(solve)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         SolverError,
         UsageError,
     )
-    from resilience.evaluation.ac_check import certify_trajectory
+    from resilience.evaluation.ac_check import ac_check_trajectory
     from resilience.evaluation.compare import Report, compare, evaluate
     from resilience.evaluation.comparison import Comparison, load_comparison
     from resilience.fragility.feeder_hazard import Hazard, hazard
@@ -55,7 +55,7 @@ _HOMES = {
     "Comparison": "evaluation.comparison",
     "load_comparison": "evaluation.comparison",
     "Report": "evaluation.compare",
-    "certify_trajectory": "evaluation.ac_check",
+    "ac_check_trajectory": "evaluation.ac_check",
     "compare": "evaluation.compare",
     "evaluate": "evaluation.compare",
     "solve": "planning.solve",
@@ -104,8 +104,8 @@ __all__ = [
     "UsageError",
     "WaterValues",
     "World",
+    "ac_check_trajectory",
     "case_names",
-    "certify_trajectory",
     "compare",
     "evaluate",
     "hazard",

@@ -2,7 +2,7 @@
 
 ```
 ResilienceError            catch this one to catch them all
-├── CaseError              a case file with mistakes: all of them, as `problems`
+├── CaseError              a case file with mistakes: all of them, as `mistakes`
 ├── UsageError             a call or command that cannot mean anything (unknown name, option)
 ├── InfeasibleError        no plan satisfies the case; the message names what conflicts
 └── SolverError            a solver failed, or returned no usable answer
@@ -43,7 +43,7 @@ class SolverError(ResilienceError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """One mistake in a case file.
 
     `file` and `table` say where (`[[ess]] ess2`), `key` what, `value` what was found,
@@ -74,29 +74,29 @@ def together(*steps: Callable[[], Any]) -> list[Any]:
         CaseError: all mistakes of all steps.
         UsageError: the first of the steps, where none finds mistakes in a case.
     """
-    found, problems, wrong = [], list[Problem](), list[UsageError]()
+    found, mistakes, wrong = [], list[Mistake](), list[UsageError]()
     for step in steps:
         try:
             found.append(step())
         except CaseError as error:
-            problems += error.problems
+            mistakes += error.mistakes
         except UsageError as error:
             wrong.append(error)
-    if problems:
-        raise CaseError(problems)
+    if mistakes:
+        raise CaseError(mistakes)
     if wrong:
         raise wrong[0]
     return found
 
 
 class CaseError(ResilienceError):
-    """A case file with mistakes. `problems` lists every one of them."""
+    """A case file with mistakes. `mistakes` lists every one of them."""
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems: tuple[Problem, ...] = tuple(dict.fromkeys(problems))
-        count = len(self.problems)
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes: tuple[Mistake, ...] = tuple(dict.fromkeys(mistakes))
+        count = len(self.mistakes)
         super().__init__("1 mistake in the case" if count == 1 else f"{count} mistakes in the case")
-        self.args = (self.problems,)
+        self.args = (self.mistakes,)
 
     def __str__(self) -> str:
-        return "\n\n".join([f"{self.message}:", *map(str, self.problems)])
+        return "\n\n".join([f"{self.message}:", *map(str, self.mistakes)])

@@ -12,7 +12,7 @@ from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.models.backends.highs import Highs
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
 
@@ -75,7 +75,7 @@ def small(
 class Best:
     """An optimum by direct HiGHS, settled: $ and the values of every variable, (labels, nodes)."""
 
-    problem: Problem
+    problem: CaseProgram
     objective: float
     z: Floats
 

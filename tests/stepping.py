@@ -36,8 +36,8 @@ class Scene:
 
 def scene(plant: Plant, batch: int, rng: np.random.Generator, reach: float = 1.2) -> Scene:
     """Profiles of one random slot; breakpoints down half of the time; orders beyond the limits."""
-    grid: Microgrid = plant.grid
-    case = grid.case
+    microgrid: Microgrid = plant.microgrid
+    case = microgrid.case
     fallible = np.array([name for name, b in zip(
         case.network.line_names, case.network.breakpoint, strict=True) if b])  # fmt: skip
     up = np.ones((len(case.network.line_names), batch), bool)
@@ -48,8 +48,8 @@ def scene(plant: Plant, batch: int, rng: np.random.Generator, reach: float = 1.2
     def profile(name: str | None) -> Floats:
         return np.full(batch, case.profile(name)[slot])
 
-    situation = grid.situation(up, profile)
-    named = grid.data(situation)
+    situation = microgrid.situation(up, profile)
+    named = microgrid.data(situation)
     size = np.array([max(u.p_max_mw, -u.p_min_mw) for u in case.ess])[:, None] * reach
     shape = (len(plant.units), batch)
     energy = rng.uniform(plant.low, plant.high, shape)

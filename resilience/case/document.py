@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from resilience.case.networks.network import did_you_mean
-from resilience.errors import Problem, UsageError
+from resilience.errors import Mistake, UsageError
 
 KEYED = ("load", "pv", "ess", "generator", "grid", "line")
 """Lists of tables that merge by name."""
@@ -27,7 +27,7 @@ class Document:
     path: Path | None
     data: dict[str, Any] = field(default_factory=dict)
     origin: dict[tuple[str, ...], str] = field(default_factory=dict)
-    problems: list[Problem] = field(default_factory=list)
+    mistakes: list[Mistake] = field(default_factory=list)
 
     def add(
         self, where: tuple[str, ...], table: str, key: str, value: str, allowed: str, hint: str
@@ -38,7 +38,7 @@ class Document:
         """
         if self._is_default(where):
             where, table = ("defaults", where[0], where[2]), f"[defaults.{where[0]}]"
-        self.problems.append(Problem(self.file_of(*where), table, key, value, allowed, hint))
+        self.mistakes.append(Mistake(self.file_of(*where), table, key, value, allowed, hint))
 
     def _is_default(self, where: tuple[str, ...]) -> bool:
         if len(where) != 3 or where[0] not in KEYED:
@@ -128,7 +128,7 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
         path,
         _merge(base.data, document.data),
         base.origin | document.origin,
-        base.problems + document.problems,
+        base.mistakes + document.mistakes,
     )
 
 

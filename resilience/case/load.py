@@ -9,16 +9,16 @@ from typing import Any
 
 from resilience.arrays import Floats
 from resilience.case.change import replace_case
+from resilience.case.checks.checks import check_parts
 from resilience.case.checks.geography import check_geography
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
-from resilience.case.checks.whole import check_parts
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document, find_case, read_document
+from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.inline import read_inline
 from resilience.case.networks.network import did_you_mean
 from resilience.case.networks.read import finish_network, read_feeder
 from resilience.case.outages import place_outages, split_specs
@@ -53,8 +53,8 @@ def load_case(ref: str | os.PathLike[str]) -> Case:
 
 def build_case(document: Document) -> Case:
     """Check a merged case file and build the case. Raises `CaseError` with every mistake."""
-    if document.problems:
-        raise CaseError(document.problems)
+    if document.mistakes:
+        raise CaseError(document.mistakes)
     head = _read_head(document)
     parts = Parts(document, window=_read_window(document))
     entries = read_list(LineTable, "line", document.data.get("line", []), document, ("line",))
@@ -70,10 +70,10 @@ def build_case(document: Document) -> Case:
     check_storm(parts)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
-    if not document.problems:
+    if not document.mistakes:
         check_reserve(parts, head)
-    if document.problems or parts.network is None or parts.window is None:
-        raise CaseError(document.problems)
+    if document.mistakes or parts.network is None or parts.window is None:
+        raise CaseError(document.mistakes)
     path, window = document.path, parts.window
     devices: dict[str, Any] = {k: tuple(d for d, _ in v) for k, v in parts.devices.items()}
     devices["pv"], reduced = under_cloud(devices["pv"], profiles, parts)
@@ -226,8 +226,8 @@ def _read_outages(parts: Parts, head: HeadTable) -> tuple[Outage, ...]:
         return ()
     document = parts.document
     file = document.file_of("outages")
-    specs, problems = split_specs(head.outages, file, "outages")
+    specs, mistakes = split_specs(head.outages, file, "outages")
     network = parts.network if parts.inline.complete else None
     outages, more = place_outages(specs, file, network, parts.window)
-    document.problems += [*problems, *more]
+    document.mistakes += [*mistakes, *more]
     return outages

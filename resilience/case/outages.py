@@ -17,7 +17,7 @@ from typing import Protocol
 from resilience.case.data import Outage
 from resilience.case.networks.network import Network
 from resilience.case.window import Window
-from resilience.errors import CaseError, Problem, UsageError
+from resilience.errors import CaseError, Mistake, UsageError
 
 _TIME = r"(?:\d{4}-\d\d-\d\d[T ]|d\d+ )?\d{1,2}:\d\d(?::\d\d)?"
 _SPEC = re.compile(rf"\s*(?P<line>.+?)\s*@\s*(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})\s*")
@@ -58,33 +58,33 @@ def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
     Raises `CaseError` with every mistake, and `UsageError` for a file that is not there.
     """
     if isinstance(text, Path) or text.strip().lower().endswith(".csv"):
-        specs, problems = _read_csv(Path(text))
+        specs, mistakes = _read_csv(Path(text))
         file = str(text)
     elif text.strip().lower() in ("", "none"):
         return ()
     else:
-        specs, problems = split_specs(re.split(r"[,;]", text), "outages", "outages")
+        specs, mistakes = split_specs(re.split(r"[,;]", text), "outages", "outages")
         file = "outages"
     outages, more = place_outages(specs, file, case.network, case.window)
-    if problems or more:
-        raise CaseError([*problems, *more])
+    if mistakes or more:
+        raise CaseError([*mistakes, *more])
     return outages
 
 
-def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Written], list[Problem]]:
+def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Written], list[Mistake]]:
     """Split outages as written into their parts; the second list says which have another form."""
-    specs, problems = [], []
+    specs, mistakes = [], []
     for number, text in enumerate(texts, start=1):
         match = _SPEC.fullmatch(text)
         if match is None:
             hint = "write the line's name, @, and two times as HH:MM"
-            problems.append(Problem(file, table, f"#{number}", repr(text), _FORM, hint))
+            mistakes.append(Mistake(file, table, f"#{number}", repr(text), _FORM, hint))
         else:
             specs.append(Written(f"{table} #{number}", text.strip(), **match.groupdict()))
-    return specs, problems
+    return specs, mistakes
 
 
-def _read_csv(path: Path) -> tuple[list[Written], list[Problem]]:
+def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
     if not path.is_file():
         raise UsageError(f"outage file {path} does not exist", "columns: line, start, stop")
     with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -93,7 +93,7 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Problem]]:
         if missing:
             found = ", ".join(reader.fieldnames or ()) or "no columns"
             allowed, hint = "line, start, stop", "the first row of the file names the columns"
-            return [], [Problem(str(path), "header", missing[0], found, allowed, hint)]
+            return [], [Mistake(str(path), "header", missing[0], found, allowed, hint)]
         return [
             Written(
                 f"row {reader.line_num}",
@@ -106,26 +106,26 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Problem]]:
 
 def place_outages(
     specs: Iterable[Written], file: str, network: Network | None, window: Window | None
-) -> tuple[tuple[Outage, ...], list[Problem]]:
+) -> tuple[tuple[Outage, ...], list[Mistake]]:
     """Turn written outages into slots; the second list says what cannot be placed and why.
 
     Either of `network` and `window` may be missing: what needs it is then not checked.
     """
-    outages, problems = [], []
+    outages, mistakes = [], []
     for spec in specs:
         if network is not None and not network.has_line(spec.line):
             allowed, hint = "a line of the network", network.line_hint(spec.line)
-            problems.append(Problem(file, spec.where, "line", repr(spec.line), allowed, hint))
+            mistakes.append(Mistake(file, spec.where, "line", repr(spec.line), allowed, hint))
         if window is None:
             continue
         try:
             first, stop = _slots(spec, window)
         except _TimeError as error:
             allowed, hint = error.args
-            problems.append(Problem(file, spec.where, "", repr(spec.text), allowed, hint))
+            mistakes.append(Mistake(file, spec.where, "", repr(spec.text), allowed, hint))
         else:
             outages.append(Outage(spec.line, first, stop))
-    return tuple(outages), problems
+    return tuple(outages), mistakes
 
 
 def _slots(spec: Written, window: Window) -> tuple[int, int]:

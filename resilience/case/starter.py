@@ -7,7 +7,7 @@ import math
 from collections import defaultdict
 from pathlib import Path
 
-from resilience.case.networks.feeder import Feeder, FeederError, Injection, unique_names
+from resilience.case.networks.feeder import Feeder, FeederError, SourceDevice, unique_names
 from resilience.case.networks.read import read_feeder
 from resilience.case.schema import NetworkTable
 from resilience.errors import UsageError
@@ -131,20 +131,20 @@ def _power(feeder: Feeder, bus: str, p_mw: float) -> str:
     return repr(round(p_mw, 9))
 
 
-def _bus_loads(feeder: Feeder) -> list[Injection]:
+def _bus_loads(feeder: Feeder) -> list[SourceDevice]:
     """Return the loads added up by bus."""
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
     for load in feeder.load:
         sums[load.bus][0] += load.p_mw
         sums[load.bus][1] += load.q_mvar
-    return [Injection(f"load {bus}", bus, p_mw, q_mvar) for bus, (p_mw, q_mvar) in sums.items()]
+    return [SourceDevice(f"load {bus}", bus, p_mw, q_mvar) for bus, (p_mw, q_mvar) in sums.items()]
 
 
-def _load(load: Injection) -> dict[str, float]:
+def _load(load: SourceDevice) -> dict[str, float]:
     if load.q_mvar <= 0:
         return {}
     return {"power_factor": round(load.p_mw / math.hypot(load.p_mw, load.q_mvar), 6)}
 
 
-def _grid(grid: Injection) -> dict[str, float]:
+def _grid(grid: SourceDevice) -> dict[str, float]:
     return {"import_cost_per_mwh": 50.0, "v_pu": min(max(grid.v_pu, 0.9), 1.1)}

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.checks.rules import MAX_PRICE_PER_MWH
 from resilience.case.schema import GridTable
+from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.case.window import Window
 
 _DAY_MIN = 24 * 60

@@ -22,7 +22,7 @@ class Memory:
     """
 
     def __init__(self, world: World, daily: bool = True) -> None:
-        case, self.daily = world.grid.case, daily
+        case, self.daily = world.microgrid.case, daily
         self.lines = [case.network.line(name) for name in world.scenarios.lines]
         self.per_day = round(24.0 / case.step_h)
         self.first = round((case.start.hour + case.start.minute / 60) / case.step_h)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.models.microgrid import Microgrid
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -24,15 +24,15 @@ Profile = Callable[[str | None], Floats]
 
 
 @dataclass(frozen=True)
-class Aggregate:
+class MergedGrid:
     """The smaller microgrid, at copperplate.
 
     Attributes:
-        grid: with fewer devices.
+        microgrid: with fewer devices.
         mixed: name of a profile of its case to the profiles that it mixes, and their shares.
     """
 
-    grid: Microgrid
+    microgrid: Microgrid
     mixed: dict[str, tuple[tuple[str | None, ...], Floats]]
 
     def profile(self, of: Profile) -> Profile:
@@ -47,15 +47,15 @@ class Aggregate:
         return found
 
 
-def aggregate(case: Case) -> Aggregate:
+def merged_grid(case: Case) -> MergedGrid:
     """Joins devices of a case that no program can tell apart."""
-    grid = microgrid(case, "copperplate")
+    microgrid = Microgrid.of(case, "copperplate")
     mixed: dict[str, tuple[tuple[str | None, ...], Floats]] = {}
 
     def joined(kind: str, key: Callable[[Any], Hashable]) -> tuple[Any, ...]:
         groups: dict[Hashable, list[Any]] = {}
         tables = getattr(case, kind)
-        for bus, table in zip(grid.at(tables), tables, strict=True):
+        for bus, table in zip(microgrid.at(tables), tables, strict=True):
             alone = key(table)
             groups.setdefault((bus, table.name if alone is None else alone), []).append(table)
         return tuple(_one(members, mixed) for members in groups.values())
@@ -64,7 +64,7 @@ def aggregate(case: Case) -> Aggregate:
     pv = joined("pv", lambda t: (t.curtailable, t.cost_per_mwh))
     generator = joined("generator", _generator_key)
     smaller = replace(case, load=load, pv=pv, generator=generator)
-    return Aggregate(replace(grid, case=smaller), mixed)
+    return MergedGrid(replace(microgrid, case=smaller), mixed)
 
 
 def _generator_key(table: Any) -> Hashable:

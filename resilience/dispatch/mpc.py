@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
+from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.reserve import Reserve, reserve_price
-from resilience.dispatch.window_program import Program, Steps, Window
+from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
 from resilience.fragility.beliefs.belief import Belief, case_belief
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import Observation, World
 
 PAPER_SLOTS = 8
@@ -30,15 +30,15 @@ class BlindMPC:
 
     def __init__(self, world: World, slots: int = PAPER_SLOTS, value_per_mwh: float = 0.0) -> None:
         self.name, self.world = "mpc-blind", world
-        self.program = Program(aggregate(world.grid.case), Steps(slots, 0), 1)
-        self.value = np.full(len(world.grid.case.ess), value_per_mwh)
+        self.program = WindowProgram(merged_grid(world.microgrid.case), WindowSteps(slots, 0), 1)
+        self.value = np.full(len(world.microgrid.case.ess), value_per_mwh)
 
     def act(self, seen: Observation) -> Floats:
         """The first slot of each scenario's window."""
         found = np.empty_like(seen.energy)
         for k in range(seen.energy.shape[1]):
             up = np.repeat(seen.line_up[:, [k]], self.program.steps.n, axis=1)[:, :, None]
-            asked = Window(
+            asked = WindowRequest(
                 seen.t, seen.energy[:, k], up, np.ones(1), seen.forecast_of(k), self.value
             )
             found[:, k] = self.program.decide(asked)
@@ -60,14 +60,14 @@ class MPC:
     """
 
     def __init__(
-        self, world: World, belief: Belief | None = None, steps: Steps | None = None
+        self, world: World, belief: Belief | None = None, steps: WindowSteps | None = None
     ) -> None:
-        self.name, self.world, self.steps = "mpc", world, steps or Steps()
-        case, small = world.grid.case, aggregate(world.grid.case)
+        self.name, self.world, self.steps = "mpc", world, steps or WindowSteps()
+        case, small = world.microgrid.case, merged_grid(world.microgrid.case)
         self.belief = belief or case_belief(case, world.scenarios.lines)
         self.memory = Memory(world, self.belief.daily)
-        self.reserve = Reserve(microgrid(case, "copperplate"), world.scenarios.lines)
-        self.program = Program(small, self.steps, 1, self.reserve)
+        self.reserve = Reserve(Microgrid.of(case, "copperplate"), world.scenarios.lines)
+        self.program = WindowProgram(small, self.steps, 1, self.reserve)
         self.value = stored_energy_value(case, world.end_value_per_mwh)
         self.price = reserve_price(case)
         self.longest = self.belief.longest_slots
@@ -80,7 +80,7 @@ class MPC:
             found[:, k] = self.program.decide(self._asked(seen, k))
         return found
 
-    def _asked(self, seen: Observation, k: int) -> Window:
+    def _asked(self, seen: Observation, k: int) -> WindowRequest:
         steps, memory = self.steps, self.memory
         known = memory.known(seen, k)
         up = np.ones((len(seen.line_up), steps.horizon), bool)
@@ -88,11 +88,11 @@ class MPC:
         for line, left in zip(memory.lines, self.belief.expected_left(known), strict=True):
             up[line, 1 : 1 + left] = False
         status = np.minimum.reduceat(up, steps.starts, axis=1)
-        end = min(seen.t + steps.horizon, self.world.grid.case.slots)
+        end = min(seen.t + steps.horizon, self.world.microgrid.case.slots)
         reserve = self._reserve(seen, k)
         now, forecast = seen.energy[:, k], seen.forecast_of(k)
         value = self.value[:, end]
-        return Window(seen.t, now, status[:, :, None], np.ones(1), forecast, value, reserve)
+        return WindowRequest(seen.t, now, status[:, :, None], np.ones(1), forecast, value, reserve)
 
     def _reserve(self, seen: Observation, k: int) -> tuple[Floats, Floats]:
         """(buses with storage, steps) level and price, for a failure after each step's end."""

@@ -48,13 +48,13 @@ def reserve_price(case: Case) -> float:
 class Reserve:
     """Rows and data of the reserve of a microgrid at copperplate; its lines are `lines`."""
 
-    grid: Microgrid
+    microgrid: Microgrid
     lines: tuple[str, ...]
 
     @cached_property
     def storage_bus(self) -> Ints:
         """(units,) bus of the merged graph of every storage unit."""
-        return self.grid.at(self.grid.case.ess)
+        return self.microgrid.at(self.microgrid.case.ess)
 
     @cached_property
     def buses(self) -> Ints:
@@ -63,7 +63,7 @@ class Reserve:
 
     def emit(self, stage: Stage) -> None:
         """What each bus is short of its reserve, at a price."""
-        of = [self.grid.network.bus_names[bus] for bus in self.buses]
+        of = [self.microgrid.network.bus_names[bus] for bus in self.buses]
         level = stage.data("reserve.level", of, unit="MWh", about="energy wanted in storage")
         price = stage.data("reserve.price", of, unit="$/MWh", about="price of being short of it")
         short = stage.var("reserve.short", of, 0.0, np.inf, unit="MWh", about="short of reserve")
@@ -78,15 +78,17 @@ class Reserve:
 
         A bus that no single line can part depends on all of them.
         """
-        grid, network = self.grid, self.grid.network
+        microgrid, network = self.microgrid, self.microgrid.network
         names = network.line_names
         up = np.ones((len(names), len(self.lines)), bool)
         for k, line in enumerate(self.lines):
             if line in names:
                 up[names.index(line), k] = False
         ends = np.stack([network.from_bus, network.to_bus])
-        island = Situation(grid.case.profile, names, ends, up, grid.forming, len(self.lines)).island
-        sources = grid.at(grid.case.grid)
+        island = Situation(
+            microgrid.case.profile, names, ends, up, microgrid.forming, len(self.lines)
+        ).island
+        sources = microgrid.at(microgrid.case.grid)
         apart = np.all(island[self.buses][:, None] != island[sources][None], axis=1)
         apart[~apart.any(axis=1)] = True
         return np.asarray(apart)
@@ -101,7 +103,7 @@ class Reserve:
 
         From slot `start` on; beyond the horizon its last slot is repeated.
         """
-        at = np.minimum(start + np.arange(slots), self.grid.case.slots - 1)
+        at = np.minimum(start + np.arange(slots), self.microgrid.case.slots - 1)
         names, peak, generators = self._net_demand
         values = np.array([forecast(name, at) for name in names]).reshape(len(names), slots)
         return peak @ values - generators[:, None]
@@ -109,15 +111,15 @@ class Reserve:
     @cached_property
     def _net_demand(self) -> tuple[tuple[str | None, ...], Floats, Floats]:
         """Profiles, MW of load less PV following each at every bus, MW of generators there."""
-        case, n = self.grid.case, len(self.grid.network.bus_names)
+        case, n = self.microgrid.case, len(self.microgrid.network.bus_names)
         followed = [*(t.profile for t in case.load), *(t.profile for t in case.pv)]
         names = tuple(dict.fromkeys(followed))
         peak, generators = np.zeros((n, len(names))), np.zeros(n)
-        for bus, load in zip(self.grid.at(case.load), case.load, strict=True):
+        for bus, load in zip(self.microgrid.at(case.load), case.load, strict=True):
             peak[bus, names.index(load.profile)] += load.p_max_mw
-        for bus, pv in zip(self.grid.at(case.pv), case.pv, strict=True):
+        for bus, pv in zip(self.microgrid.at(case.pv), case.pv, strict=True):
             peak[bus, names.index(pv.profile)] -= pv.p_max_mw
-        for bus, unit in zip(self.grid.at(case.generator), case.generator, strict=True):
+        for bus, unit in zip(self.microgrid.at(case.generator), case.generator, strict=True):
             generators[bus] += unit.p_max_mw
         return names, peak[self.buses], generators[self.buses]
 
@@ -129,7 +131,7 @@ class Reserve:
                 storage.
             longest: slots of the longest outage.
         """
-        case, dt = self.grid.case, self.grid.case.step_h
+        case, dt = self.microgrid.case, self.microgrid.case.step_h
         units = self.buses[:, None] == self.storage_bus[None, :]
         size = np.array([u.e_mwh for u in case.ess])
         out = np.array([u.efficiency_discharge for u in case.ess])

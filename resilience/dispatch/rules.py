@@ -40,15 +40,15 @@ class Greedy:
         data = now.data
         low, high = simulator.limits(seen.energy, now.stacked)
         net = np.zeros(seen.island.shape)
-        loads, plants = world.grid.case.load, world.grid.case.pv
-        np.add.at(net, world.grid.at(loads), data["load.demand"] - data["load.shed_min"])
+        loads, plants = world.microgrid.case.load, world.microgrid.case.pv
+        np.add.at(net, world.microgrid.at(loads), data["load.demand"] - data["load.shed_min"])
         if plants:
-            np.add.at(net, world.grid.at(plants), -data["pv.available"])
+            np.add.at(net, world.microgrid.at(plants), -data["pv.available"])
         need = self._at_units(net, seen)
-        units = world.grid.case.generator
+        units = world.microgrid.case.generator
         if units and self.generators_first:
             able = np.zeros(seen.island.shape)
-            np.add.at(able, world.grid.at(units), data["generator.p_max"])
+            np.add.at(able, world.microgrid.at(units), data["generator.p_max"])
             need = np.where(need > 0, np.maximum(need - self._at_units(able, seen), 0.0), need)
         give, take = self._at_units(-low, seen, True), self._at_units(high, seen, True)
         share_out = np.minimum(np.maximum(need, 0.0) / np.maximum(give, 1e-12), 1.0)
@@ -76,7 +76,7 @@ class Rule:
     def __init__(self, world: World, level: float | Floats = 0.5) -> None:
         self.world, self.islanded = world, Greedy(world, generators_first=True)
         self.name = f"rule-{level:g}" if np.ndim(level) == 0 else "rule-levels"
-        size = np.array([unit.e_mwh for unit in world.grid.case.ess])
+        size = np.array([unit.e_mwh for unit in world.microgrid.case.ess])
         self.target = (size * level)[:, None]
 
     def act(self, seen: Observation) -> Floats:
@@ -88,8 +88,8 @@ class Rule:
 
     def _with_grid(self, seen: Observation) -> np.ndarray:
         """(units, batch) whether the unit's island holds a grid connection."""
-        grid = self.world.grid
-        found = np.zeros((len(grid.case.ess), seen.island.shape[1]), bool)
-        for bus in grid.at(grid.case.grid):
+        microgrid = self.world.microgrid
+        found = np.zeros((len(microgrid.case.ess), seen.island.shape[1]), bool)
+        for bus in microgrid.at(microgrid.case.grid):
             found |= seen.island[self.world.simulator.storage_bus] == seen.island[bus]
         return found

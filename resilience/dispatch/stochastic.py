@@ -9,10 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Bools, Floats
-from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
-from resilience.dispatch.window_program import MEAN, Program, Steps, Window, check_storage
+from resilience.dispatch.merged_grid import merged_grid
+from resilience.dispatch.window_program import (
+    MEAN,
+    WindowProgram,
+    WindowRequest,
+    WindowSteps,
+    check_storage,
+)
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
 from resilience.models.program.risk import Risk
@@ -37,22 +43,22 @@ class Stochastic:
         belief: Belief | Bell | None = None,
         *,
         paths: int = 30,
-        steps: Steps | None = None,
+        steps: WindowSteps | None = None,
         risk: Risk = MEAN,
         seed: int = 0,
     ) -> None:
-        check_storage(world.grid.case)
+        check_storage(world.microgrid.case)
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
         self.world, self.paths, self.risk, self.seed = world, paths, risk, seed
-        self.steps = steps or Steps()
+        self.steps = steps or WindowSteps()
         if belief is None or isinstance(belief, Bell):
             lines = world.scenarios.lines
-            belief = case_belief(world.grid.case, lines, bell=belief, seed=seed)
+            belief = case_belief(world.microgrid.case, lines, bell=belief, seed=seed)
         self.belief: Belief = belief
-        self.small = aggregate(world.grid.case)
+        self.small = merged_grid(world.microgrid.case)
         self.memory = Memory(world, self.belief.daily)
-        self.value = stored_energy_value(world.grid.case, world.end_value_per_mwh)
-        self.programs: dict[int, Program] = {}
+        self.value = stored_energy_value(world.microgrid.case, world.end_value_per_mwh)
+        self.programs: dict[int, WindowProgram] = {}
 
     def act(self, seen: Observation) -> Floats:
         """The common first slot of every scenario's program."""
@@ -61,9 +67,9 @@ class Stochastic:
         for k in range(seen.energy.shape[1]):
             up, share = self._paths(seen, k)
             program = self._program(len(share))
-            end = min(seen.t + self.steps.horizon, self.world.grid.case.slots)
+            end = min(seen.t + self.steps.horizon, self.world.microgrid.case.slots)
             now, forecast = seen.energy[:, k], seen.forecast_of(k)
-            asked = Window(seen.t, now, up, share, forecast, self.value[:, end])
+            asked = WindowRequest(seen.t, now, up, share, forecast, self.value[:, end])
             found[:, k] = program.decide(asked)
         return found
 
@@ -92,7 +98,7 @@ class Stochastic:
         kept = [1, *(int(np.ceil(self.paths * part)) for part in (0.25, 0.5, 0.75, 1.0))]
         return next(size for size in kept if size >= n)
 
-    def _program(self, paths: int) -> Program:
+    def _program(self, paths: int) -> WindowProgram:
         if paths not in self.programs:
-            self.programs[paths] = Program(self.small, self.steps, paths, risk=self.risk)
+            self.programs[paths] = WindowProgram(self.small, self.steps, paths, risk=self.risk)
         return self.programs[paths]

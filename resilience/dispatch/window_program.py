@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
-from resilience.dispatch.aggregate import Aggregate, profiles_of
+from resilience.dispatch.merged_grid import MergedGrid, profiles_of
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
 from resilience.models.backends.highs import Highs
@@ -33,7 +33,7 @@ POWERS = ("MW", "Mvar")  # units of data that shrink with the part of a step tha
 
 
 @dataclass(frozen=True)
-class Steps:
+class WindowSteps:
     """The time steps of a path: `slots` single ones, then `blocks` of `block_slots` each."""
 
     slots: int = 8
@@ -77,7 +77,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Window:
+class WindowRequest:
     """What a program is asked at slot `t`.
 
     Attributes:
@@ -113,7 +113,7 @@ def check_storage(case: Case) -> None:
         )
 
 
-class Program:
+class WindowProgram:
     """`paths` chains behind a common first slot.
 
     Args:
@@ -126,53 +126,53 @@ class Program:
 
     def __init__(
         self,
-        small: Aggregate,
-        steps: Steps,
+        small: MergedGrid,
+        steps: WindowSteps,
         paths: int,
         reserve: Reserve | None = None,
         risk: Risk = MEAN,
     ) -> None:
         self.small, self.steps, self.paths = small, steps, paths
-        check_storage(small.grid.case)
-        dt = small.grid.case.step_h
-        stages = [small.grid.stage(dt), small.grid.stage(dt * steps.block_slots)]
+        check_storage(small.microgrid.case)
+        dt = small.microgrid.case.step_h
+        stages = [small.microgrid.stage(dt), small.microgrid.stage(dt * steps.block_slots)]
         if reserve is not None:
             for stage in stages:
                 reserve.emit(stage)
         if not steps.blocks:
             stages = stages[:1]
-        self.problem = problem = unroll(stages, steps.tree(paths))
-        lowered = lower(problem, integer=np.zeros(problem.n_columns, bool), exact={})
+        self.standard = standard = unroll(stages, steps.tree(paths))
+        lowered = lower(standard, integer=np.zeros(standard.n_columns, bool), exact={})
         averse = risk.averse and paths > 1
         make = partial(RiskAverse, risk=risk) if averse else Highs
         self.solver: Highs = make(lowered, duals=False, threads=1)
         later = np.arange(1, steps.n)
         self.step_of = np.append(0, np.tile(later, paths))
         self.path_of = np.append(0, np.repeat(np.arange(paths), len(later)))
-        ends = problem.tree.leaves
-        self._end = problem.columns("ess.energy")[:, ends]
-        self._first = [problem.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
+        ends = standard.tree.leaves
+        self._end = standard.columns("ess.energy")[:, ends]
+        self._first = [standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWERS}
 
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
-        found = np.full(self.problem.n_columns, -1)
+        found = np.full(self.standard.n_columns, -1)
         for form, table, nodes in zip(
-            self.problem.forms, self.problem.tables, self.problem.members, strict=True
+            self.standard.forms, self.standard.tables, self.standard.members, strict=True
         ):
             own = np.where(nodes > 0, self.path_of[nodes], -1)
             found[table[:, form.n_now :]] = own[:, None]
         return found
 
-    def data(self, asked: Window) -> dict[str, Floats]:
+    def data(self, asked: WindowRequest) -> dict[str, Floats]:
         """The data of every node for what is asked, arrays (labels, nodes)."""
         steps, small = self.steps, self.small
-        last = small.grid.case.slots - 1
+        last = small.microgrid.case.slots - 1
         at = np.minimum(asked.t + np.arange(steps.horizon), last)
         means = {
             name: np.add.reduceat(asked.forecast(name, at), steps.starts) / steps.width
-            for name in profiles_of(small.grid.case)
+            for name in profiles_of(small.microgrid.case)
             if name not in small.mixed
         }
         for members, _ in small.mixed.values():
@@ -182,7 +182,7 @@ class Program:
                     means[name] = mean
         profile = small.profile(lambda name: means[name][self.step_of])
         up = asked.up[:, self.step_of, self.path_of]
-        data = small.grid.data(small.grid.situation(up, profile))
+        data = small.microgrid.data(small.microgrid.situation(up, profile))
         left = np.clip(last + 1 - asked.t - steps.starts, 0, steps.width) / steps.width
         if left[-1] < 1.0:
             data = {k: v * left[self.step_of] if k in self._powers else v for k, v in data.items()}
@@ -192,10 +192,10 @@ class Program:
             data["reserve.price"] = price[:, self.step_of]
         return data
 
-    def vectors(self, asked: Window, data: dict[str, Floats] | None = None) -> Vectors:
+    def vectors(self, asked: WindowRequest, data: dict[str, Floats] | None = None) -> Vectors:
         """All numbers of the program for what is asked."""
         given = self.data(asked) if data is None else data
-        found = self.problem.vectors(given, {"ess.energy": asked.energy})
+        found = self.standard.vectors(given, {"ess.energy": asked.energy})
         shared = self._column_path < 0
         weight = np.where(shared, 1.0, self.paths * asked.share[self._column_path])
         found.cost *= weight
@@ -206,10 +206,10 @@ class Program:
         """(paths, columns) $ per MWh left at the end of every path, as a cost."""
         units, paths = self._end.shape
         at = (np.tile(np.arange(paths), units), self._end.ravel())
-        shape = (paths, self.problem.n_columns)
+        shape = (paths, self.standard.n_columns)
         return sp.csr_array((np.repeat(-value, paths), at), shape=shape)
 
-    def decide(self, asked: Window) -> Floats:
+    def decide(self, asked: WindowRequest) -> Floats:
         """(units,) charging power in the first slot, MW; negative is discharging."""
         data = self.data(asked)
         if isinstance(self.solver, RiskAverse):

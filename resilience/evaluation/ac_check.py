@@ -35,7 +35,7 @@ class WorstMember:
 
 
 @dataclass(frozen=True)
-class Worst:
+class WorstValues:
     """The worst values of a trajectory; None where there is no such value."""
 
     undervoltage_pu: WorstMember | None
@@ -46,7 +46,7 @@ class Worst:
 
 
 @dataclass(frozen=True)
-class TrajectoryCertificate:
+class TrajectoryACCheck:
     """What AC power flow says of a trajectory; arrays are (slots, scenarios).
 
     Attributes:
@@ -125,10 +125,10 @@ class TrajectoryCertificate:
     def _energy(self, power_mw: Floats, likely: Floats) -> float:
         return float(np.nansum(power_mw, axis=0) @ likely) * self.step_h
 
-    def worst(self) -> Worst:
+    def worst(self) -> WorstValues:
         """Where the trajectory is worst."""
         overload = self.values("overload_mva")
-        return Worst(
+        return WorstValues(
             undervoltage_pu=_member(self.values("v_min_pu"), np.nanargmin),
             overvoltage_pu=_member(self.values("v_max_pu"), np.nanargmax),
             overload_mva=_member(overload, np.nanargmax) if self.rated else None,
@@ -137,14 +137,14 @@ class TrajectoryCertificate:
         )
 
 
-def certify_trajectory(world: World, run: Trajectory) -> TrajectoryCertificate:
+def ac_check_trajectory(world: World, run: Trajectory) -> TrajectoryACCheck:
     """AC power flow of all slots and scenarios, in batch.
 
     Args:
         world: where it happened.
         run: what happened.
     """
-    case, n = world.grid.case, world.scenarios.n
+    case, n = world.microgrid.case, world.scenarios.n
     power = _powers(world, run)
     total = sum(power.values(), np.zeros((case.slots, n)))
     spill = np.zeros_like(total) if run.spill is None else run.spill
@@ -156,7 +156,7 @@ def certify_trajectory(world: World, run: Trajectory) -> TrajectoryCertificate:
         up = world.line_up[:, at].reshape(len(world.line_up), -1)
         parts.append(carry(case, some, up))
     whole = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
-    return TrajectoryCertificate(
+    return TrajectoryACCheck(
         found=Carried(**whole),
         slots=case.slots,
         scenarios=n,
@@ -168,7 +168,7 @@ def certify_trajectory(world: World, run: Trajectory) -> TrajectoryCertificate:
 
 def _powers(world: World, run: Trajectory) -> dict[str, Floats]:
     """(slots, scenarios) MW fed in by every device, by its name."""
-    case = world.grid.case
+    case = world.microgrid.case
     served = demand(world) - run.flow("load.shed")
     found = {t.name: -served[k] for k, t in enumerate(case.load)}
     found |= {t.name: run.storage[k] for k, t in enumerate(case.ess)}

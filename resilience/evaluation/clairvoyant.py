@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.dispatch.aggregate import Aggregate, aggregate
+from resilience.dispatch.merged_grid import MergedGrid, merged_grid
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.language.tree import Cut, Tree
@@ -45,14 +45,14 @@ def clairvoyant(world: World, on_scenario: Callable[[], None] | None = None) -> 
         world: the storms.
         on_scenario: called after every one.
     """
-    case, n = world.grid.case, world.scenarios.n
+    case, n = world.microgrid.case, world.scenarios.n
     objective = np.zeros(n)
     charging = np.zeros((len(case.ess), case.slots, n))
     spans = np.split(np.arange(case.slots), world.ends[:-1] + 1)
-    programs: dict[int, _Program] = {}
+    programs: dict[int, _BoundProgram] = {}
     for slots in spans:
         if len(slots) not in programs:
-            programs[len(slots)] = _Program(world, len(slots))
+            programs[len(slots)] = _BoundProgram(world, len(slots))
         programs[len(slots)].calm(slots)
         for k in range(n):
             least, charge = programs[len(slots)].solve(slots, k)
@@ -63,30 +63,30 @@ def clairvoyant(world: World, on_scenario: Callable[[], None] | None = None) -> 
     return Bound(objective, charging)
 
 
-class _Program:
+class _BoundProgram:
     """The linear program over a number of slots."""
 
     def __init__(self, world: World, slots: int) -> None:
-        self.world, plain = world, world.grid.physics != "copperplate"
-        self.small = Aggregate(world.grid, {}) if plain else aggregate(world.grid.case)
-        grid = self.small.grid
+        self.world, plain = world, world.microgrid.physics != "copperplate"
+        self.small = MergedGrid(world.microgrid, {}) if plain else merged_grid(world.microgrid.case)
+        microgrid = self.small.microgrid
         value = world.end_value_per_mwh
-        cut = Cut(0.0, {"ess.energy": np.full(len(grid.case.ess), -value)})
+        cut = Cut(0.0, {"ess.energy": np.full(len(microgrid.case.ess), -value)})
         tree = Tree.chain([f"t{t}" for t in range(slots)])
-        cuts = [cut] if value and grid.case.ess else []
-        self.problem = unroll([grid.stage(grid.case.step_h)], tree, cuts)
-        relaxed = np.zeros(self.problem.n_columns, bool)
-        self.solver = Highs(lower(self.problem, integer=relaxed, exact={}))
+        cuts = [cut] if value and microgrid.case.ess else []
+        self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
+        relaxed = np.zeros(self.standard.n_columns, bool)
+        self.solver = Highs(lower(self.standard, integer=relaxed, exact={}))
         self.solver.tune(STEEPEST)
         nothing = np.empty((0, slots), np.intp)
         self.storage = [
-            self.problem.columns(f"ess.{way}") if grid.case.ess else nothing
+            self.standard.columns(f"ess.{way}") if microgrid.case.ess else nothing
             for way in ("charge", "discharge")
         ]
 
     def calm(self, slots: Ints) -> None:
         """Solves the forecast without outages, from scratch, and remembers its basis."""
-        case = self.world.grid.case
+        case = self.world.microgrid.case
         self.solver.forget()
         self._take(slots, np.ones((len(self.world.line_up), len(slots)), bool), case.profile)
         self.solver.solve()
@@ -95,8 +95,8 @@ class _Program:
     def solve(self, slots: Ints, k: int) -> tuple[float, Floats]:
         """The least that scenario k can cost, and (units, slots) the charging that does it, MW."""
         world = self.world
-        names = [None, *world.grid.case.profiles]
-        every = np.arange(world.grid.case.slots)
+        names = [None, *world.microgrid.case.profiles]
+        every = np.arange(world.microgrid.case.slots)
         true = {name: world.profile(name, every)[:, k] for name in names}
         self._take(slots, world.line_up[:, slots, k], true.__getitem__)
         self.solver.start_at(self.basis)
@@ -105,10 +105,10 @@ class _Program:
         return self.solver.certified_bound(found), charge - discharge
 
     def _take(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
-        grid = self.small.grid
+        microgrid = self.small.microgrid
         seen = self.small.profile(lambda name: profile(name)[slots])
-        data = grid.data(grid.situation(up, seen))
-        self.solver.update(self.problem.vectors(data, grid.start()))
+        data = microgrid.data(microgrid.situation(up, seen))
+        self.solver.update(self.standard.vectors(data, microgrid.start()))
 
 
 class Replay:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.evaluation.ac_check import TrajectoryCertificate
+from resilience.evaluation.ac_check import TrajectoryACCheck
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.models.program import risk_measures
@@ -138,7 +138,7 @@ def _times(judged: Judged, name: str) -> dict[str, float]:
     }
 
 
-def _ac(found: TrajectoryCertificate, days: float, likely: Floats) -> dict[str, float]:
+def _ac(found: TrajectoryACCheck, days: float, likely: Floats) -> dict[str, float]:
     return {
         "ac_v_min_pu": found.lowest_pu,
         "ac_v_max_pu": found.highest_pu,

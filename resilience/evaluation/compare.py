@@ -17,7 +17,7 @@ from resilience.case import Case, load_case
 from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
 from resilience.errors import UsageError
-from resilience.evaluation.ac_check import certify_trajectory
+from resilience.evaluation.ac_check import ac_check_trajectory
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import demand, measure
 from resilience.evaluation.report import Report
@@ -149,7 +149,7 @@ def evaluate(
     certificates = None
     if ac:
         with phase("AC power flow"):
-            certificates = {name: certify_trajectory(world, run) for name, run in runs.items()}
+            certificates = {name: ac_check_trajectory(world, run) for name, run in runs.items()}
     asked = demand(world)
     if forecast_error is None:
         forecast_error = "none" if world.outlook is None else "given"

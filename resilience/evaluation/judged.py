@@ -13,7 +13,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.ac_check import TrajectoryCertificate
+from resilience.evaluation.ac_check import TrajectoryACCheck
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import Measures
 from resilience.evaluation.measures.metrics import Adequacy
@@ -48,7 +48,7 @@ class Judged:
     world: World = field(repr=False)
     trajectories: Mapping[str, Trajectory] = field(repr=False)
     measures: Mapping[str, Measures] = field(repr=False)
-    certificates: Mapping[str, TrajectoryCertificate] | None = field(default=None, repr=False)
+    certificates: Mapping[str, TrajectoryACCheck] | None = field(default=None, repr=False)
     forecast_error: str = "none"
 
     reference = REFERENCE
@@ -56,7 +56,7 @@ class Judged:
     @property
     def case(self) -> Case:
         """The case, over the days of an episode."""
-        return self.world.grid.case
+        return self.world.microgrid.case
 
     @property
     def scenarios(self) -> Scenarios:
@@ -71,7 +71,7 @@ class Judged:
     @property
     def physics(self) -> str:
         """The physics of everybody, the bound included."""
-        return self.world.grid.physics
+        return self.world.microgrid.physics
 
     @property
     def days(self) -> float:

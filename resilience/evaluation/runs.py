@@ -81,7 +81,7 @@ def run_all(
         for at in _split(world.scenarios.n, _size(world, name, make))
     ]
     done: dict[int, Trajectory] = {}
-    total = world.grid.case.slots * world.scenarios.n * (len(methods) + 1)
+    total = world.microgrid.case.slots * world.scenarios.n * (len(methods) + 1)
     with meter("dispatch", total) as progress:
         for k, part in enumerate(parts):
             kept = store.get(part.name, part.world, part.make) if store else None

@@ -70,7 +70,7 @@ def code() -> str:
 def _facts(world: World) -> list[Any]:
     """What a part depends on apart from its method."""
     told = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
-    return [world.grid.case, world.grid.physics, world.scenarios, world.outlook, told]
+    return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, told]
 
 
 def _maker(name: str, make: Any) -> Any:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from resilience.fragility.lines.curves import CURVES, Curve, hardened, restated
     from resilience.fragility.lines.damage import Timing, failed_by, first_failure, hazard
     from resilience.fragility.lines.spans import (
-        Lines,
         Series,
+        SpannedLines,
         SpanWind,
         failure_probability,
         joint_probability,
@@ -35,7 +35,7 @@ _HOMES = {
     "CURVES": "lines.curves",
     "Bell": "outages.bell",
     "Curve": "lines.curves",
-    "Lines": "lines.spans",
+    "SpannedLines": "lines.spans",
     "Repair": "outages.repair",
     "Sampling": "outages.storms",
     "Scenarios": "outages.scenarios",
@@ -68,12 +68,12 @@ __all__ = [
     "CURVES",
     "Bell",
     "Curve",
-    "Lines",
     "Repair",
     "Sampling",
     "Scenarios",
     "Series",
     "SpanWind",
+    "SpannedLines",
     "Timing",
     "breakpoints",
     "case_bell",

@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import StormTable
-from resilience.errors import CaseError, Problem, UsageError, together
+from resilience.errors import CaseError, Mistake, UsageError, together
 from resilience.fragility.coverage import check_ends, check_overlap
 from resilience.fragility.lines.curves import Curve
 from resilience.fragility.lines.damage import Timing, failed_by, hazard
 from resilience.fragility.lines.geography import Geography, geography
-from resilience.fragility.lines.spans import Lines, SpanWind, calm, span_speed
+from resilience.fragility.lines.spans import SpannedLines, SpanWind, calm, span_speed
 from resilience.fragility.lines.strength import (
     cables,
     check_names,
     lines_of,
-    repair_of,
     storm_curve,
 )
+from resilience.fragility.outages.crews import case_repair
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, sample_storms
@@ -63,7 +63,7 @@ class Storm:
     geography: Geography
     track: Track
     members: tuple[Track, ...]
-    lines: Lines
+    lines: SpannedLines
     winds: tuple[SpanWind, ...]
     timing: Timing
     repair: Repair
@@ -125,7 +125,7 @@ def storm(
     table = case.storm or StormTable()
     _, repair, place, found = together(
         lambda: check_names(case),
-        lambda: repair_of(case),
+        lambda: case_repair(case),
         lambda: geography(case),
         lambda: case_track(case) if track is None else track() if callable(track) else track,
     )
@@ -170,7 +170,7 @@ def case_track(case: Case) -> Track:
     if table is None or not table.points:
         file, allowed = case.file_name, "points, or a track file"
         hint = "--track FILE reads IBTrACS, HURDAT2, CMA and plain CSV files"
-        raise CaseError([Problem(file, "[storm]", "points", "nothing", allowed, hint)])
+        raise CaseError([Mistake(file, "[storm]", "points", "nothing", allowed, hint)])
     offset = timedelta(hours=table.utc_offset_h)
     time, lat, lon, pressure, vmax = zip(*table.points, strict=True)
     columns: dict[str, Sequence[object]] = {

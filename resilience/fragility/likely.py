@@ -11,7 +11,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.models.microgrid import Microgrid
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -131,7 +131,7 @@ def _fallible(case: Case, scenarios: Scenarios) -> Microgrid:
     from resilience.case import Outage
 
     outages = tuple(Outage(line, 0, 1) for line in scenarios.lines)
-    return microgrid(case.replace(outages=outages), "copperplate")
+    return Microgrid.of(case.replace(outages=outages), "copperplate")
 
 
 def _islands(case: Case, found: _Patterns, weight: Floats) -> Iterable[Island]:

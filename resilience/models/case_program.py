@@ -10,7 +10,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.models.language.tree import Cut, Tree
-from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Problem:
+class CaseProgram:
     """The problem in numbers together with what it was made from."""
 
-    grid: Microgrid
+    microgrid: Microgrid
     standard: Standard
     situation: Situation
     data: dict[str, Floats]
@@ -37,7 +37,7 @@ class Problem:
     @property
     def case(self) -> Case:
         """The case it was made from."""
-        return self.grid.case
+        return self.microgrid.case
 
 
 def status(case: Case) -> np.ndarray:
@@ -56,18 +56,18 @@ def terminal_cuts(case: Case) -> list[Cut]:
     return [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})]
 
 
-def horizon(case: Case, physics: Physics = "lindistflow") -> Problem:
+def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
     """The whole horizon of the case, its outages known in advance."""
-    grid = microgrid(case, physics)
+    microgrid = Microgrid.of(case, physics)
     labels = [case.slot_label(t) for t in range(case.slots)]
-    standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
-    situation = grid.situation(status(case))
-    return Problem(grid, standard, situation, grid.data(situation), grid.start())
+    standard = unroll([microgrid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
+    situation = microgrid.situation(status(case))
+    return CaseProgram(microgrid, standard, situation, microgrid.data(situation), microgrid.start())
 
 
-def as_switched(problem: Problem, z: Floats) -> Situation:
+def as_switched(program: CaseProgram, z: Floats) -> Situation:
     """The situation with every switchable line as z has it: the islands that really form."""
-    standard, situation = problem.standard, problem.situation
+    standard, situation = program.standard, program.situation
     if not standard.has("line.closed"):
         return situation
     up = situation.line_up.copy()

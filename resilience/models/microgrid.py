@@ -46,6 +46,37 @@ class Microgrid:
     lines_of: Ints
     fallible: Bools
 
+    @classmethod
+    def of(cls, case: Case, physics: Physics = "lindistflow") -> Microgrid:
+        """The case at a level of physics.
+
+        Raises:
+            UsageError: unknown physics, or a cycle of closed lines where a feeder must be radial.
+        """
+        if physics not in PHYSICS:
+            raise UsageError(
+                f"physics {physics!r} is unknown; allowed: {', '.join(PHYSICS)}",
+                hint="lindistflow is the default of linear methods, distflow of conic ones",
+            )
+        hit = {outage.line for outage in case.outages}
+        network = closable(case.network)
+        network = bundle(network, _fallible(network, hit))
+        lines_of = np.array([case.network.line(name) for name in network.line_names], np.intp)
+        fallible = _fallible(network, hit)
+        bus_of = np.arange(len(network.bus_names))
+        if physics == "copperplate":
+            whole = network
+            network, bus_of = merge(whole, fallible)
+            kept = np.isin(whole.line_names, network.line_names)
+            lines_of, fallible = lines_of[kept], fallible[kept]
+        elif loop := cycle(network):
+            raise UsageError(
+                f"physics {physics!r} needs a radial feeder, but these closed lines form a cycle: "
+                + ", ".join(loop),
+                hint="open one of them, mark one `switchable`, or use --physics copperplate",
+            )
+        return cls(case, physics, network, bus_of, lines_of, fallible)
+
     def at(self, tables: Iterable[object]) -> Ints:
         """Bus index of every device."""
         names = [self.case.network.bus(t.bus) for t in tables]  # type: ignore[attr-defined]
@@ -184,37 +215,6 @@ class Microgrid:
     def start(self) -> dict[str, Floats]:
         """The states of every component at the start."""
         return {k: v for c in self.components for k, v in c.start().items()}
-
-
-def microgrid(case: Case, physics: Physics = "lindistflow") -> Microgrid:
-    """The case at a level of physics.
-
-    Raises:
-        UsageError: unknown physics, or a cycle of closed lines where flows need a radial feeder.
-    """
-    if physics not in PHYSICS:
-        raise UsageError(
-            f"physics {physics!r} is unknown; allowed: {', '.join(PHYSICS)}",
-            hint="lindistflow is the default of linear methods, distflow of conic ones",
-        )
-    hit = {outage.line for outage in case.outages}
-    network = closable(case.network)
-    network = bundle(network, _fallible(network, hit))
-    lines_of = np.array([case.network.line(name) for name in network.line_names], np.intp)
-    fallible = _fallible(network, hit)
-    bus_of = np.arange(len(network.bus_names))
-    if physics == "copperplate":
-        whole = network
-        network, bus_of = merge(whole, fallible)
-        kept = np.isin(whole.line_names, network.line_names)
-        lines_of, fallible = lines_of[kept], fallible[kept]
-    elif loop := cycle(network):
-        raise UsageError(
-            f"physics {physics!r} needs a radial feeder, but these closed lines form a cycle: "
-            + ", ".join(loop),
-            hint="open one of them, mark one `switchable`, or use --physics copperplate",
-        )
-    return Microgrid(case, physics, network, bus_of, lines_of, fallible)
 
 
 def _fallible(network: Network, hit: set[str]) -> Bools:

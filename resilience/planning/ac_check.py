@@ -22,7 +22,7 @@ from resilience.planning.plan import Plan
 
 
 @dataclass(frozen=True)
-class Worst:
+class WorstSlot:
     """Where and when a limit is exceeded most; a negative excess is what is left to it."""
 
     name: str
@@ -33,7 +33,7 @@ class Worst:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class PlanACCheck:
     """What AC power flow says of a plan. Slots that did not converge count in nothing else.
 
     Attributes:
@@ -50,10 +50,10 @@ class Certificate:
 
     slots: int
     not_converged: tuple[str, ...]
-    undervoltage: Worst | None
-    overvoltage: Worst | None
-    overload: Worst | None
-    root: Worst | None
+    undervoltage: WorstSlot | None
+    overvoltage: WorstSlot | None
+    overload: WorstSlot | None
+    root: WorstSlot | None
     loss_mwh: float
     plan_loss_mwh: float
     unfunded_mwh: float
@@ -81,7 +81,7 @@ class Certificate:
         }
 
 
-def certify(plan: Plan) -> Certificate:
+def ac_check_plan(plan: Plan) -> PlanACCheck:
     """Checks all slots of a plan at once, with its own powers, line status and islands.
 
     Where the plan has no reactive power, its sources give none but the roots, which give all. A
@@ -101,7 +101,7 @@ def certify(plan: Plan) -> Certificate:
     solved = found.converged
     loss = float(found.loss_mw[solved].sum()) * case.step_h
     planned = float(p[:, solved].sum()) * case.step_h
-    return Certificate(
+    return PlanACCheck(
         slots=case.slots,
         not_converged=tuple(case.slot_label(int(t)) for t in np.flatnonzero(~solved)),
         **_limits(case, found),
@@ -153,7 +153,7 @@ def _held(plan: Plan, case: Case, root: Bools) -> Floats:
     return held
 
 
-def _limits(case: Case, found: Flow) -> dict[str, Worst | None]:
+def _limits(case: Case, found: Flow) -> dict[str, WorstSlot | None]:
     network, v = case.network, found.v_pu
     low, high = network.v_min_pu[:, None], network.v_max_pu[:, None]
     rated = np.flatnonzero(np.isfinite(network.rating_mva))
@@ -166,7 +166,9 @@ def _limits(case: Case, found: Flow) -> dict[str, Worst | None]:
     }
 
 
-def _beyond(plan: Plan, case: Case, found: Flow, units: list[Any], chosen: Bools) -> Worst | None:
+def _beyond(
+    plan: Plan, case: Case, found: Flow, units: list[Any], chosen: Bools
+) -> WorstSlot | None:
     """The unit that has to give or take most beyond its range to carry its island."""
     if not units:
         return None
@@ -181,13 +183,13 @@ def _beyond(plan: Plan, case: Case, found: Flow, units: list[Any], chosen: Bools
 
 def _worst(
     case: Case, names: list[str] | tuple[str, ...], value: Floats, limit: Floats, excess: Floats
-) -> Worst | None:
+) -> WorstSlot | None:
     """The entry of greatest excess, arrays (names, slots); None where there is no number."""
     if not np.isfinite(excess).any():
         return None
     k, t = np.unravel_index(np.nanargmax(excess), excess.shape)
     bound = np.broadcast_to(limit, excess.shape)[k, t]
-    return Worst(
+    return WorstSlot(
         names[int(k)],
         case.slot_label(int(t)),
         float(value[k, t]),

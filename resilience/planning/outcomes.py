@@ -8,18 +8,18 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
-from resilience.planning.scenario_program import StormProgram
-from resilience.planning.tables import Table, tabulate
+from resilience.planning.scenario_program import ScenarioProgram
+from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
-from resilience.planning.two_stage.lshaped import Solved
+from resilience.planning.two_stage.lshaped import TwoStageSolution
 from resilience.simulation.world import Trajectory, World
 
 
 @dataclass
-class Outcomes:
+class ScenarioOutcomes:
     """Arrays with the scenario as their last axis.
 
     Attributes:
@@ -50,7 +50,7 @@ class Outcomes:
         """Where the worst violation is."""
         return self.where[max(self.audit, key=lambda k: self.audit[k])] if self.audit else ""
 
-    def at(self, index: Ints) -> Outcomes:
+    def at(self, index: Ints) -> ScenarioOutcomes:
         """The outcomes of some of the scenarios, or of each several times."""
         arrays = {
             name: getattr(self, name)[..., index]
@@ -60,16 +60,18 @@ class Outcomes:
 
 
 def device_names(case: Case) -> tuple[str, ...]:
-    """Devices in the order of `Outcomes.power`."""
+    """Devices in the order of `ScenarioOutcomes.power`."""
     fleets = (case.generator, case.pv, case.ess, case.grid, case.load)
     return tuple(device.name for fleet in fleets for device in fleet)
 
 
-def of_plan(program: StormProgram, solved: Solved) -> tuple[Outcomes, dict[str, Table]]:
+def of_plan(
+    program: ScenarioProgram, solved: TwoStageSolution
+) -> tuple[ScenarioOutcomes, dict[str, SlotTable]]:
     """What happens in every storm of a two-stage plan, audited, and the tables of its trunk."""
-    case, full, n = program.grid.case, program.full(), program.storms.n
+    case, full, n = program.microgrid.case, program.full(), program.storms.n
     shape = (case.slots, n)
-    found = Outcomes(
+    found = ScenarioOutcomes(
         np.empty(n),
         np.empty(n),
         device_names(case),
@@ -78,10 +80,10 @@ def of_plan(program: StormProgram, solved: Solved) -> tuple[Outcomes, dict[str, 
         np.zeros((len(case.load), *shape)),
     )
     for k in range(n):
-        problem = program.problem(k, full)
-        z = settle(full, whole_point(program, solved, k, full), problem.vectors)
-        _take(found, k, problem, z)
-        checked = audit(full, z, problem.vectors)
+        storm = program.storm_program(k, full)
+        z = settle(full, whole_point(program, solved, k, full), storm.vectors)
+        _take(found, k, storm, z)
+        checked = audit(full, z, storm.vectors)
         for name, violation in checked.worst.items():
             if violation >= found.audit.get(name, -1.0):
                 found.audit[name] = violation
@@ -91,7 +93,9 @@ def of_plan(program: StormProgram, solved: Solved) -> tuple[Outcomes, dict[str, 
     return found, tables
 
 
-def whole_point(program: StormProgram, solved: Solved, storm: int, full: Standard) -> Floats:
+def whole_point(
+    program: ScenarioProgram, solved: TwoStageSolution, storm: int, full: Standard
+) -> Floats:
     """A storm's trunk and chain as one point of the whole horizon."""
     two, trunk = program.two, program.two.trunk
     first, own = own_columns(two.first), own_columns(full)
@@ -111,14 +115,14 @@ def whole_point(program: StormProgram, solved: Solved, storm: int, full: Standar
     return z
 
 
-def _take(found: Outcomes, k: int, problem: Problem, z: Floats) -> None:
-    standard, case = problem.standard, problem.case
+def _take(found: ScenarioOutcomes, k: int, program: CaseProgram, z: Floats) -> None:
+    standard, case = program.standard, program.case
 
     def values(name: str, there: object) -> Floats:
         return z[standard.columns(name)] if there else np.empty((0, case.slots))
 
     shed = values("load.shed", case.load)
-    demand = problem.data["load.demand"] if case.load else shed
+    demand = program.data["load.demand"] if case.load else shed
     found.power[:, :, k] = np.concatenate(
         [
             values("generator.p", case.generator),
@@ -130,14 +134,14 @@ def _take(found: Outcomes, k: int, problem: Problem, z: Floats) -> None:
     )
     found.energy[:, :, k] = values("ess.energy", case.ess)
     found.shed[:, :, k] = shed
-    terms = standard.cost_terms(z, problem.data)
+    terms = standard.cost_terms(z, program.data)
     found.operating_cost[k] = sum(float(spent.sum()) for spent in terms.values())
     found.terminal_credit[k] = case.terminal_value_per_mwh * found.energy[:, -1, k].sum()
 
 
-def of_run(world: World, run: Trajectory) -> Outcomes:
+def of_run(world: World, run: Trajectory) -> ScenarioOutcomes:
     """What happened in every scenario of a simulation."""
-    case = world.grid.case
+    case = world.microgrid.case
 
     def flow(kind: str) -> Floats:
         return run.flow(kind)
@@ -150,6 +154,6 @@ def of_run(world: World, run: Trajectory) -> Outcomes:
     power += [shed - demand.reshape(shed.shape)]
     energy = run.energy[:, 1:]
     credit = case.terminal_value_per_mwh * energy[:, -1].sum(0)
-    return Outcomes(
+    return ScenarioOutcomes(
         run.cost.sum(0), credit, device_names(case), np.concatenate(power), energy, shed
     )

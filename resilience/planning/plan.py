@@ -20,7 +20,7 @@ import numpy as np
 
 from resilience.errors import UsageError
 from resilience.files import replacing
-from resilience.planning.tables import UNITS, Table
+from resilience.planning.tables import UNITS, SlotTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +70,7 @@ class Plan:
     step_min: float
     seconds: float
     seconds_by_phase: dict[str, float]
-    tables: Mapping[str, Table] = field(default_factory=dict, repr=False)
+    tables: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
     case: Case | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -146,7 +146,7 @@ def load_plan(folder: str | Path) -> Plan:
     for name in UNITS:
         if (root / f"{name}.parquet").is_file():
             frame = pd.read_parquet(root / f"{name}.parquet")
-            tables[name] = Table(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
+            tables[name] = SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
     case = None
     if (root / "case.toml").is_file():
         from resilience.case import load_case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.case_program import Problem, as_switched
+from resilience.models.case_program import CaseProgram, as_switched
 
 NEAR = 1e-4
 
@@ -23,14 +23,14 @@ REASONS = {
 """Each reason, in the order in which they are tried, with its meaning."""
 
 
-def shed_reasons(problem: Problem, z: Floats) -> dict[str, dict[str, float]]:
+def shed_reasons(program: CaseProgram, z: Floats) -> dict[str, dict[str, float]]:
     """MWh shed per load and reason, {load: {reason: MWh}}; loads that are served are left out."""
-    standard, case = problem.standard, problem.case
+    standard, case = program.standard, program.case
     if not case.load:
         return {}
     shed = z[standard.columns("load.shed")]
-    island = as_switched(problem, z).island[problem.grid.at(case.load)]
-    causes = _causes(problem, z)
+    island = as_switched(program, z).island[program.microgrid.at(case.load)]
+    causes = _causes(program, z)
     found: dict[str, dict[str, float]] = {}
     for i, t in np.argwhere(shed > NEAR):
         table = case.load[int(i)]
@@ -52,9 +52,9 @@ def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
     return "block" if block else "price"
 
 
-def _causes(problem: Problem, z: Floats) -> dict[str, Bools]:
+def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     """(islands, slots) what is true of every island: see the names used in `_reason`."""
-    grid, situation = problem.grid, as_switched(problem, z)
+    microgrid, situation = program.microgrid, as_switched(program, z)
     shape = (int(situation.island.max()) + 1, situation.n)
 
     def some(at: Ints, holds: Bools) -> Bools:
@@ -66,101 +66,101 @@ def _causes(problem: Problem, z: Floats) -> dict[str, Bools]:
         return found
 
     spare, empty, saved = (np.zeros(shape, bool) for _ in range(3))
-    for at, full, starved in _sources(problem, z):
+    for at, full, starved in _sources(program, z):
         spare |= some(at, ~(full | starved))
         empty |= some(at, starved & ~full)
-    if problem.case.ess:
-        at, full, starved = _sources(problem, z)[-1]
+    if program.case.ess:
+        at, full, starved = _sources(program, z)[-1]
         later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
         saved = some(at, ~(full | starved) & later)
     buses = np.arange(len(situation.forming))
-    lowest, highest = _voltage_limits(problem, z)
+    lowest, highest = _voltage_limits(program, z)
     return {
         "dead": some(buses, situation.alive < 0.5),
         "bound": ~spare,
         "empty": empty,
-        "reactive": some(grid.at(problem.case.load), _asks_reactive(problem))
-        & ~some(*_reactive_room(problem, z)),
+        "reactive": some(microgrid.at(program.case.load), _asks_reactive(program))
+        & ~some(*_reactive_room(program, z)),
         "saved": saved,
         "voltage": some(buses, lowest) & some(buses, highest),
-        "rating": some(grid.network.from_bus, _at_rating(problem, z)),
+        "rating": some(microgrid.network.from_bus, _at_rating(program, z)),
     }
 
 
-def _sources(problem: Problem, z: Floats) -> list[tuple[Ints, Bools, Bools]]:
+def _sources(program: CaseProgram, z: Floats) -> list[tuple[Ints, Bools, Bools]]:
     """Per fleet: bus of every device, whether it feeds all it can, whether it has no energy.
 
     Storage comes last.
     """
-    standard, case, grid = problem.standard, problem.case, problem.grid
-    upper = problem.vectors.upper
+    standard, case, microgrid = program.standard, program.case, program.microgrid
+    upper = program.vectors.upper
     found: list[tuple[Ints, Bools, Bools]] = []
     fleets = (("pv.p", case.pv), ("generator.p", case.generator), ("grid.import", case.grid))
     for name, tables in fleets:
         if tables:
             columns = standard.columns(name)
             full = z[columns] >= upper[columns] - NEAR
-            found.append((grid.at(tables), full, np.zeros_like(full)))
+            found.append((microgrid.at(tables), full, np.zeros_like(full)))
     if case.ess:
         columns, energy = standard.columns("ess.discharge"), standard.columns("ess.energy")
         full = z[columns] >= upper[columns] - NEAR
-        starved = z[energy] <= problem.vectors.lower[energy] + NEAR
-        found.append((grid.at(case.ess), full, starved))
+        starved = z[energy] <= program.vectors.lower[energy] + NEAR
+        found.append((microgrid.at(case.ess), full, starved))
     return found
 
 
-def _asks_reactive(problem: Problem) -> Bools:
+def _asks_reactive(program: CaseProgram) -> Bools:
     """(loads, slots) whether a load asks for reactive power that the physics carries."""
-    factors = np.array([t.power_factor for t in problem.case.load])
-    asks = (factors < 1.0) & problem.standard.has("line.q")
-    return asks[:, None] & (problem.data["load.demand"] > NEAR)
+    factors = np.array([t.power_factor for t in program.case.load])
+    asks = (factors < 1.0) & program.standard.has("line.q")
+    return asks[:, None] & (program.data["load.demand"] > NEAR)
 
 
-def _reactive_room(problem: Problem, z: Floats) -> tuple[Ints, Bools]:
+def _reactive_room(program: CaseProgram, z: Floats) -> tuple[Ints, Bools]:
     """Bus of every device, and whether it could feed in more reactive power, (devices, slots)."""
-    standard, case, grid = problem.standard, problem.case, problem.grid
-    places, room = [np.empty(0, np.intp)], [np.empty((0, problem.situation.n), bool)]
+    standard, case, microgrid = program.standard, program.case, program.microgrid
+    places, room = [np.empty(0, np.intp)], [np.empty((0, program.situation.n), bool)]
     inverters = [t for t in case.pv if t.s_mva], [t for t in case.ess if t.s_mva]
     fleets = (("generator", case.generator), ("grid", case.grid), ("pv", inverters[0]))
     for name, tables in (*fleets, ("ess", inverters[1])):
         if tables and standard.has(f"{name}.q"):
             columns = standard.columns(f"{name}.q")
-            below = z[columns] < problem.vectors.upper[columns] - NEAR
-            places.append(grid.at(tables))
-            room.append(below & ~_at_disc(problem, z, f"{name}.rating", below.shape))
+            below = z[columns] < program.vectors.upper[columns] - NEAR
+            places.append(microgrid.at(tables))
+            room.append(below & ~_at_disc(program, z, f"{name}.rating", below.shape))
     return np.concatenate(places), np.concatenate(room)
 
 
-def _at_disc(problem: Problem, z: Floats, name: str, shape: tuple[int, ...]) -> Bools:
+def _at_disc(program: CaseProgram, z: Floats, name: str, shape: tuple[int, ...]) -> Bools:
     """(devices, slots) whether an inverter is at its rating, as closely as its polygon allows."""
-    for structure in problem.standard.structures:
+    for structure in program.standard.structures:
         if structure.name == name:
             length = np.sqrt(sum(x**2 for x in structure.values(z)))
             return (length >= 0.96 * structure.limits[0]).reshape(shape[::-1]).T
     return np.zeros(shape, bool)
 
 
-def _voltage_limits(problem: Problem, z: Floats) -> tuple[Bools, Bools]:
+def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
     """(buses, slots) lowest voltage allowed, and highest; a held voltage can only be the latter.
 
     Only both in one island bind: without an upper limit the whole island could be raised.
     """
-    standard = problem.standard
+    standard = program.standard
     if not standard.has("bus.v_sq"):
-        none = np.zeros((len(problem.grid.network.bus_names), problem.situation.n), bool)
+        none = np.zeros((len(program.microgrid.network.bus_names), program.situation.n), bool)
         return none, none
     columns = standard.columns("bus.v_sq")
-    low, high = problem.vectors.lower[columns], problem.vectors.upper[columns]
+    low, high = program.vectors.lower[columns], program.vectors.upper[columns]
     return (z[columns] <= low + NEAR) & (low < high), z[columns] >= high - NEAR
 
 
-def _at_rating(problem: Problem, z: Floats) -> Bools:
-    standard, network = problem.standard, problem.grid.network
+def _at_rating(program: CaseProgram, z: Floats) -> Bools:
+    standard, network = program.standard, program.microgrid.network
     if not standard.has("line.p"):
-        return np.zeros((len(network.line_names), problem.situation.n), bool)
+        return np.zeros((len(network.line_names), program.situation.n), bool)
     flow = z[standard.columns("line.p")] ** 2
     if standard.has("line.q"):
         flow = flow + z[standard.columns("line.q")] ** 2
     rating = network.rating_mva[:, None]
     near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
-    return near & as_switched(problem, z).line_up
+    return near & as_switched(program, z).line_up

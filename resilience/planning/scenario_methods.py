@@ -10,11 +10,11 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.backends.base import Status
-from resilience.models.methods.answer import CLOSED, Clock, gap, remains, sides, violated, widest
+from resilience.models.methods.answer import CLOSED, Deadline, gap, remains, sides, violated, widest
 from resilience.models.program.standard import Standard
-from resilience.planning.scenario_program import StormProgram, storm_program
+from resilience.planning.scenario_program import ScenarioProgram, scenario_program
 from resilience.planning.two_stage.extensive import extensive
-from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
 from resilience.planning.two_stage.master import Master
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.planning.two_stage.two_stage import TwoStage
@@ -28,7 +28,7 @@ TITLES = {"extensive": "extensive form", "lshaped": "L-shaped method"}
 
 
 @dataclass(frozen=True)
-class StormAnswer:
+class ScenarioResult:
     """A two-stage program of a case, solved.
 
     Attributes:
@@ -41,20 +41,20 @@ class StormAnswer:
         stochastic: $ of the same for the best trunk, modes relaxed as in `mean_value`.
     """
 
-    solved: Solved
+    solved: TwoStageSolution
     algorithm: str
     relaxed: list[str] = field(default_factory=list)
     mean_value: float | None = None
     stochastic: float = np.nan
 
 
-def solve_storms(
-    program: StormProgram,
+def solve_scenario_program(
+    program: ScenarioProgram,
     *,
     algorithm: str | None = None,
     relative_gap: float = 1e-4,
     time_limit: float = np.inf,
-) -> StormAnswer:
+) -> ScenarioResult:
     """The best trunk and its recourse.
 
     Args:
@@ -68,11 +68,11 @@ def solve_storms(
         SolverError: a solver failed.
         UsageError: unknown algorithm, or physics with cones.
     """
-    two, clock = program.two, Clock(time_limit)
+    two, clock = program.two, Deadline(time_limit)
     algorithm = _algorithm(program, algorithm)
     with phase("mean-value plan"):
         start = program.mean_states()
-    options = Options(relative_gap, time_limit, os.cpu_count() or 1, start)
+    options = DecompositionOptions(relative_gap, time_limit, os.cpu_count() or 1, start)
     first = ALGORITHMS[algorithm](two, options)
     integers = bool(two.first.integer.any())
     mean_cost = None if integers else first.start_cost
@@ -83,7 +83,7 @@ def solve_storms(
     found = replace(kept, bound=min(first.bound, kept.objective))
     closed = gap(found.objective, found.bound) <= relative_gap
     status: Status = "optimal" if closed else "feasible"
-    return StormAnswer(
+    return ScenarioResult(
         replace(found, status=status),
         algorithm,
         _left(two, found),
@@ -92,9 +92,9 @@ def solve_storms(
     )
 
 
-def wait_and_see(program: StormProgram) -> Floats:
+def wait_and_see(program: ScenarioProgram) -> Floats:
     """(storms,) proven bounds in $ on what each costs if it is known from the start."""
-    apart = storm_program(program.grid, program.storms, common_slots=0)
+    apart = scenario_program(program.microgrid, program.storms, common_slots=0)
     two = apart.two
     x0 = np.concatenate([np.empty(0), *(two.x0[name] for name in two.first.initial)])
     with phase("clairvoyant bound"):
@@ -112,7 +112,7 @@ def costs_of(two: TwoStage, states: Floats) -> Floats | None:
     return cost
 
 
-def _algorithm(program: StormProgram, wanted: str | None) -> str:
+def _algorithm(program: ScenarioProgram, wanted: str | None) -> str:
     two = program.two
     if any(structure.kind == "cone" for structure in two.first.structures):
         raise UsageError(
@@ -131,7 +131,13 @@ def _algorithm(program: StormProgram, wanted: str | None) -> str:
     return wanted or ("extensive" if small else "lshaped")
 
 
-def _kept(two: TwoStage, found: Solved, algorithm: str, options: Options, clock: Clock) -> Solved:
+def _kept(
+    two: TwoStage,
+    found: TwoStageSolution,
+    algorithm: str,
+    options: DecompositionOptions,
+    clock: Deadline,
+) -> TwoStageSolution:
     """The plan with every mode that it broke held to its larger side, and polygons within discs
     where one was exceeded; as it was where that cannot be.
     """
@@ -167,7 +173,7 @@ def _kept(two: TwoStage, found: Solved, algorithm: str, options: Options, clock:
     return found
 
 
-def _pieces(two: TwoStage, found: Solved) -> dict[int, tuple[Standard, Floats]]:
+def _pieces(two: TwoStage, found: TwoStageSolution) -> dict[int, tuple[Standard, Floats]]:
     """The trunk as -1 and every chain by its number, with what it is a point of."""
     pieces = {-1: (two.first, found.trunk)}
     for k, (chain, z) in enumerate(zip(two.chains, found.points, strict=True)):
@@ -175,7 +181,7 @@ def _pieces(two: TwoStage, found: Solved) -> dict[int, tuple[Standard, Floats]]:
     return pieces
 
 
-def _left(two: TwoStage, found: Solved) -> list[str]:
+def _left(two: TwoStage, found: TwoStageSolution) -> list[str]:
     """What the plan leaves relaxed: of the trunk, and of how many scenarios."""
     lines, scenarios = [], 0
     for k, (problem, z) in _pieces(two, found).items():

@@ -25,7 +25,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import replacing
-from resilience.planning.tables import UNITS, Table
+from resilience.planning.tables import UNITS, SlotTable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,8 +108,8 @@ class ScenarioPlan:
     step_min: float
     seconds: float = 0.0
     seconds_by_phase: dict[str, float] = field(default_factory=dict)
-    tables: Mapping[str, Table] = field(default_factory=dict, repr=False)
-    bands: Mapping[str, Table] = field(default_factory=dict, repr=False)
+    tables: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
+    bands: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
     episodes: Mapping[str, Floats] = field(default_factory=dict, repr=False)
     recourse: tuple[tuple[str, ...], Floats] = field(
         default=((), np.empty((0, 0, 0))), repr=False, compare=False
@@ -207,11 +207,11 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
             hint="`resilience solve CASE --method stochastic --out FOLDER` writes one",
         )
 
-    def table(name: str) -> Table:
+    def table(name: str) -> SlotTable:
         frame = pd.read_parquet(root / f"{name}.parquet")
-        return Table(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
+        return SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
 
-    def there(names: list[str], prefix: str = "") -> dict[str, Table]:
+    def there(names: list[str], prefix: str = "") -> dict[str, SlotTable]:
         return {k: table(prefix + k) for k in names if (root / f"{prefix}{k}.parquet").is_file()}
 
     case = load_case(root / "case.toml")

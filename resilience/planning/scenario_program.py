@@ -18,7 +18,7 @@ from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
@@ -28,7 +28,7 @@ from resilience.planning.two_stage.two_stage import IN, TwoStage
 
 
 @dataclass(frozen=True)
-class Storms:
+class DistinctScenarios:
     """Scenarios, each kept once, in an order in which neighbours are alike.
 
     Attributes:
@@ -44,7 +44,7 @@ class Storms:
     number: Ints
 
     @classmethod
-    def among(cls, scenarios: Scenarios, case: Case) -> Storms:
+    def among(cls, scenarios: Scenarios, case: Case) -> DistinctScenarios:
         """The different ones among some scenarios."""
         up = scenarios.line_up(case.network.line_names)
         # Slot by slot, so that storms that begin alike lie side by side.
@@ -71,7 +71,7 @@ class Storms:
 
 
 @dataclass(frozen=True)
-class StormProgram:
+class ScenarioProgram:
     """The two-stage program of a case and its storms.
 
     Attributes:
@@ -81,9 +81,9 @@ class StormProgram:
         slot: (nodes of the tree,) slot of every node.
     """
 
-    grid: Microgrid
+    microgrid: Microgrid
     two: TwoStage
-    storms: Storms
+    storms: DistinctScenarios
     leaves: Ints
     chain: Ints
     slot: Ints = field(repr=False)
@@ -109,40 +109,44 @@ class StormProgram:
     @property
     def slots(self) -> int:
         """Slots of the horizon."""
-        return self.grid.case.slots
+        return self.microgrid.case.slots
 
     def full(self) -> Standard:
         """The whole horizon as one chain: what a storm's trunk and chain make together."""
-        labels = [self.grid.case.slot_label(t) for t in range(self.slots)]
+        labels = [self.microgrid.case.slot_label(t) for t in range(self.slots)]
         return unroll(self.two.stages, Tree.chain(labels), self.two.cuts)
 
-    def problem(self, storm: int, full: Standard) -> Problem:
+    def storm_program(self, storm: int, full: Standard) -> CaseProgram:
         """The whole horizon of one storm, with its data."""
-        situation = self.grid.situation(self.storms.line_up[:, :, storm])
-        return Problem(self.grid, full, situation, self.grid.data(situation), dict(self.two.x0))
+        situation = self.microgrid.situation(self.storms.line_up[:, :, storm])
+        return CaseProgram(
+            self.microgrid, full, situation, self.microgrid.data(situation), dict(self.two.x0)
+        )
 
     @property
-    def trunk(self) -> Problem:
+    def trunk(self) -> CaseProgram:
         """The common slots, with their data."""
         at = np.arange(self.two.trunk)
-        case = self.grid.case
-        situation = self.grid.situation(
+        case = self.microgrid.case
+        situation = self.microgrid.situation(
             self.storms.common[:, at], lambda name: case.profile(name)[at]
         )
-        return Problem(self.grid, self.two.first, situation, self.two.first_data, dict(self.two.x0))
+        return CaseProgram(
+            self.microgrid, self.two.first, situation, self.two.first_data, dict(self.two.x0)
+        )
 
 
-def storm_program(
-    grid: Microgrid,
-    storms: Storms,
+def scenario_program(
+    microgrid: Microgrid,
+    storms: DistinctScenarios,
     *,
     common_slots: int | None = None,
     risk: Risk | None = None,
-) -> StormProgram:
+) -> ScenarioProgram:
     """The two-stage program.
 
     Args:
-        grid: the microgrid, see `grid_with_fallible_lines`.
+        microgrid: the microgrid, see `grid_with_fallible_lines`.
         storms: its storms.
         common_slots: slots after which every storm goes its own way; None: each leaves the trunk
             when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.
@@ -151,7 +155,7 @@ def storm_program(
     Raises:
         UsageError: storms that differ within the slots that are to be common.
     """
-    case = grid.case
+    case = microgrid.case
     leaves = storms.leaving()
     if common_slots is not None:
         _check_common(case, storms, leaves, common_slots)
@@ -164,14 +168,12 @@ def storm_program(
     for k in np.flatnonzero(~stays):
         nodes = slice(*_span(leaves, stays, trunk, case.slots, int(k)))
         line_up[:, nodes] = storms.line_up[:, leaves[k] :, k]
-    situation = grid.situation(line_up, lambda name: case.profile(name)[slot])
+    situation = microgrid.situation(line_up, lambda name: case.profile(name)[slot])
     value = case.terminal_value_per_mwh
     cuts = [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})] if value and case.ess else []
-    two = TwoStage(
-        [grid.stage(case.step_h)], tree, trunk, grid.data(situation), grid.start(), cuts,
-        risk or Risk(),
-    )  # fmt: skip
-    return StormProgram(grid, two, storms, leaves, chain, slot)
+    stages, data = [microgrid.stage(case.step_h)], microgrid.data(situation)
+    two = TwoStage(stages, tree, trunk, data, microgrid.start(), cuts, risk or Risk())
+    return ScenarioProgram(microgrid, two, storms, leaves, chain, slot)
 
 
 def _span(leaves: Ints, stays: Bools, trunk: int, slots: int, storm: int) -> tuple[int, int]:
@@ -181,7 +183,9 @@ def _span(leaves: Ints, stays: Bools, trunk: int, slots: int, storm: int) -> tup
     return start, start + int(lengths[storm])
 
 
-def _comb(case: Case, storms: Storms, leaves: Ints, trunk: int) -> tuple[Tree, Ints, Ints]:
+def _comb(
+    case: Case, storms: DistinctScenarios, leaves: Ints, trunk: int
+) -> tuple[Tree, Ints, Ints]:
     """The tree, the slot of every node, and the number of every storm's chain."""
     stays = leaves >= case.slots
     chance, names = storms.probability, [case.slot_label(t) for t in range(case.slots)]
@@ -201,7 +205,7 @@ def _comb(case: Case, storms: Storms, leaves: Ints, trunk: int) -> tuple[Tree, I
     return tree, np.concatenate(slot), chain
 
 
-def _check_common(case: Case, storms: Storms, leaves: Ints, common_slots: int) -> None:
+def _check_common(case: Case, storms: DistinctScenarios, leaves: Ints, common_slots: int) -> None:
     first = int(leaves.min())
     if not 0 <= common_slots < case.slots or common_slots > first:
         k = int(leaves.argmin())

@@ -14,8 +14,8 @@ from resilience.case.outages import outage_texts
 from resilience.errors import UsageError
 from resilience.files import replacing_file
 from resilience.fragility.draw import outages_from
-from resilience.models.case_program import Problem, horizon
-from resilience.models.methods import METHODS, Answer, Options
+from resilience.models.case_program import CaseProgram, horizon
+from resilience.models.methods import METHODS, MethodOptions, MethodResult
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
@@ -100,10 +100,10 @@ def solve(
         if scenario_based:
             from resilience.planning.solve_scenarios import plan_over_scenarios
 
-            limits = Options(time_limit, 1e-4 if relative_gap is None else relative_gap)
+            limits = MethodOptions(time_limit, 1e-4 if relative_gap is None else relative_gap)
             found = plan_over_scenarios(case, method, physics, outages, seed, limits, options)
         else:
-            limits = Options(time_limit, 1e-3 if relative_gap is None else relative_gap)
+            limits = MethodOptions(time_limit, 1e-3 if relative_gap is None else relative_gap)
             found = _deterministic(case, method, physics, outages, seed, limits)
     return replace(found, seconds=sum(seconds.values()), seconds_by_phase=seconds)
 
@@ -140,7 +140,7 @@ def _deterministic(
     physics: Physics | None,
     outages: str | Path | None,
     seed: int | None,
-    options: Options,
+    options: MethodOptions,
 ) -> Plan:
     """The best plan where the outages are known in advance."""
     with phase("case"):
@@ -148,10 +148,10 @@ def _deterministic(
             case = case.replace(outages=outages_from(outages, case, seed))
     find, usual = METHODS[method]
     with phase("model"):
-        problem = horizon(case, physics or usual)
-    answer = find(problem, options)
+        program = horizon(case, physics or usual)
+    answer = find(program, options)
     with phase("audit"):
-        return describe(problem, answer, method)
+        return describe(program, answer, method)
 
 
 def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
@@ -170,30 +170,30 @@ def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
         )
     if plan.case is None:
         raise UsageError("a plan without its case has no model", hint="solve the case again")
-    problem = horizon(plan.case, cast(Physics, plan.physics))
-    cones = any(s.kind == "cone" for s in problem.standard.structures)
-    model = Pyomo(problem.standard, solver="scip" if cones else "highs")
-    model.update(problem.vectors)
+    program = horizon(plan.case, cast(Physics, plan.physics))
+    cones = any(s.kind == "cone" for s in program.standard.structures)
+    model = Pyomo(program.standard, solver="scip" if cones else "highs")
+    model.update(program.vectors)
     with replacing_file(path) as fresh:
         model.write(fresh)
 
 
-def describe(problem: Problem, answer: Answer, method: str) -> Plan:
+def describe(program: CaseProgram, answer: MethodResult, method: str) -> Plan:
     """A plan from the numbers of an answer: settled, audited, and put into tables."""
-    case = problem.case
-    z = settle(problem.standard, answer.z, problem.vectors)
-    checked = audit(problem.standard, z, problem.vectors)
-    terms = problem.standard.cost_terms(z, problem.data)
+    case = program.case
+    z = settle(program.standard, answer.z, program.vectors)
+    checked = audit(program.standard, z, program.vectors)
+    terms = program.standard.cost_terms(z, program.data)
     costs = {name: float(spent.sum()) for name, spent in terms.items()}
     operating = sum(costs.values())
-    credit = _credit(problem, z)
+    credit = _credit(program, z)
     bound = answer.bound if np.isfinite(answer.bound) else None
-    tables = tabulate(problem, z)
-    energy, reasons = balance(case, tables), shed_reasons(problem, z)
+    tables = tabulate(program, z)
+    energy, reasons = balance(case, tables), shed_reasons(program, z)
     return Plan(
         name=case.name,
         method=method,
-        physics=problem.grid.physics,
+        physics=program.microgrid.physics,
         status=answer.status,
         objective=operating - credit,
         operating_cost=operating,
@@ -219,8 +219,8 @@ def describe(problem: Problem, answer: Answer, method: str) -> Plan:
     )
 
 
-def _credit(problem: Problem, z: Floats) -> float:
-    value = problem.case.terminal_value_per_mwh
-    if not value or not problem.case.ess:
+def _credit(program: CaseProgram, z: Floats) -> float:
+    value = program.case.terminal_value_per_mwh
+    if not value or not program.case.ess:
         return 0.0
-    return value * float(z[problem.standard.columns("ess.energy")[:, -1]].sum())
+    return value * float(z[program.standard.columns("ess.energy")[:, -1]].sum())

@@ -16,16 +16,25 @@ from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, s
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.methods.answer import LATE, Options, gap
+from resilience.models.methods.answer import LATE, MethodOptions, gap
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.models.program.risk_measures import conditional_value_at_risk, worst
 from resilience.planning import outcomes
-from resilience.planning.outcomes import Outcomes
-from resilience.planning.scenario_methods import TITLES, StormAnswer, solve_storms, wait_and_see
+from resilience.planning.outcomes import ScenarioOutcomes
+from resilience.planning.scenario_methods import (
+    TITLES,
+    ScenarioResult,
+    solve_scenario_program,
+    wait_and_see,
+)
 from resilience.planning.scenario_plan import HIGH, LOW, ScenarioPlan
-from resilience.planning.scenario_program import StormProgram, Storms, storm_program
-from resilience.planning.tables import Table
+from resilience.planning.scenario_program import (
+    DistinctScenarios,
+    ScenarioProgram,
+    scenario_program,
+)
+from resilience.planning.tables import SlotTable
 from resilience.progress import phase
 from resilience.simulation.world import World, grid_with_fallible_lines, simulate
 
@@ -104,7 +113,7 @@ def plan_over_scenarios(
     physics: Physics | None,
     outages: str | Path | None,
     seed: int | None,
-    limits: Options,
+    limits: MethodOptions,
     options: ScenarioOptions,
 ) -> ScenarioPlan:
     """The plan of a method that does not know its outages; arguments as for `resilience.solve`.
@@ -140,15 +149,15 @@ def two_stage_plan(
     risk: Risk | None = None,
     common_slots: int | None = None,
     algorithm: str | None = None,
-    limits: Options | None = None,
+    limits: MethodOptions | None = None,
 ) -> ScenarioPlan:
     """The best common schedule and its recourse; see `resilience.solve`."""
-    risk, limits = risk or Risk(), limits or Options(gap=1e-4)
+    risk, limits = risk or Risk(), limits or MethodOptions(gap=1e-4)
     with phase("model"):
-        storms = Storms.among(scenarios, case)
-        grid = grid_with_fallible_lines(case, scenarios, physics)
-        program = storm_program(grid, storms, common_slots=common_slots, risk=risk)
-    answer = solve_storms(
+        storms = DistinctScenarios.among(scenarios, case)
+        microgrid = grid_with_fallible_lines(case, scenarios, physics)
+        program = scenario_program(microgrid, storms, common_slots=common_slots, risk=risk)
+    answer = solve_scenario_program(
         program, algorithm=algorithm, relative_gap=limits.gap, time_limit=limits.time_limit
     )
     known = wait_and_see(program)
@@ -162,10 +171,10 @@ def two_stage_plan(
 def simulated_plan(case: Case, scenarios: Scenarios, method: str) -> ScenarioPlan:
     """What a dispatcher does in the same scenarios, in the form of a plan."""
     with phase("model"):
-        storms = Storms.among(scenarios, case)
-        grid = grid_with_fallible_lines(case, scenarios, "copperplate")
-        world = World.of(grid, scenarios)
-        program = storm_program(grid, storms)
+        storms = DistinctScenarios.among(scenarios, case)
+        microgrid = grid_with_fallible_lines(case, scenarios, "copperplate")
+        world = World.of(microgrid, scenarios)
+        program = scenario_program(microgrid, storms)
     with phase("dispatch", method):
         run = simulate(world, DISPATCHERS[method](world))
     known = wait_and_see(program)[storms.of]
@@ -185,7 +194,7 @@ def simulated_plan(case: Case, scenarios: Scenarios, method: str) -> ScenarioPla
 
 
 def _described(
-    case: Case, scenarios: Scenarios, found: Outcomes, known: Floats, risk: Risk
+    case: Case, scenarios: Scenarios, found: ScenarioOutcomes, known: Floats, risk: Risk
 ) -> ScenarioPlan:
     """All that follows from what happens in every scenario."""
     p, cost = scenarios.probability, found.cost
@@ -245,7 +254,9 @@ def _described(
     )
 
 
-def _certified(program: StormProgram, answer: StormAnswer, plan: ScenarioPlan) -> dict[str, Any]:
+def _certified(
+    program: ScenarioProgram, answer: ScenarioResult, plan: ScenarioPlan
+) -> dict[str, Any]:
     """The certificate of a two-stage plan: bound, gap, and what it is worth to have planned so."""
     solved, value = answer.solved, plan.objective
     bound = min(solved.bound, value)
@@ -255,7 +266,7 @@ def _certified(program: StormProgram, answer: StormAnswer, plan: ScenarioPlan) -
         "status": solved.status,
         "bound": bound,
         "gap": gap(value, bound),
-        "bound_of": f"two-stage program on {program.grid.physics}",
+        "bound_of": f"two-stage program on {program.microgrid.physics}",
         "mean_value_cost": answer.mean_value,
         "value_of_stochastic_solution": gain,
         "relaxed": answer.relaxed,
@@ -263,7 +274,7 @@ def _certified(program: StormProgram, answer: StormAnswer, plan: ScenarioPlan) -
     }
 
 
-def _common(program: StormProgram, plan: ScenarioPlan) -> dict[str, Any]:
+def _common(program: ScenarioProgram, plan: ScenarioPlan) -> dict[str, Any]:
     """How long the common schedule lasts, and which share of the scenarios follows it when."""
     storms, trunk = program.storms, program.two.trunk
     leaves = program.leaves[storms.of]
@@ -274,28 +285,30 @@ def _common(program: StormProgram, plan: ScenarioPlan) -> dict[str, Any]:
         "different": storms.n,
         "common_slots": trunk,
         "half_left_at": half,
-        "tables": {**plan.tables, "staying": Table(("probability",), staying[None])},
+        "tables": {**plan.tables, "staying": SlotTable(("probability",), staying[None])},
         "episodes": {"leaves_slot": leaves, **plan.episodes},
     }
 
 
-def _schedule(program: StormProgram, found: Outcomes, scenario: int) -> dict[str, Table]:
+def _schedule(
+    program: ScenarioProgram, found: ScenarioOutcomes, scenario: int
+) -> dict[str, SlotTable]:
     """The common schedule of a dispatcher: what it does in the scenario that stays longest."""
-    case, common = program.grid.case, slice(0, program.two.trunk)
+    case, common = program.microgrid.case, slice(0, program.two.trunk)
     units, loads = tuple(u.name for u in case.ess), tuple(load.name for load in case.load)
     power, energy = found.power[:, common, scenario], found.energy[:, common, scenario]
-    tables = {"power": Table(found.devices, power)}
+    tables = {"power": SlotTable(found.devices, power)}
     if units:
         size = np.array([unit.e_mwh for unit in case.ess])[:, None]
-        tables |= {"energy": Table(units, energy), "soc": Table(units, energy / size)}
+        tables |= {"energy": SlotTable(units, energy), "soc": SlotTable(units, energy / size)}
     if loads:
         shed = found.shed[:, common, scenario]
         served = -power[len(power) - len(loads) :]
-        tables |= {"demand": Table(loads, served + shed), "shed": Table(loads, shed)}
+        tables |= {"demand": SlotTable(loads, served + shed), "shed": SlotTable(loads, shed)}
     return tables
 
 
-def _band(values: Floats, p: Floats) -> Table:
+def _band(values: Floats, p: Floats) -> SlotTable:
     """Mean and quantiles over scenarios of values (slots, scenarios)."""
     ends = np.quantile(values, [LOW, HIGH], axis=1, weights=p, method="inverted_cdf")
-    return Table(("mean", "low", "high"), np.array([values @ p, *ends]))
+    return SlotTable(("mean", "low", "high"), np.array([values @ p, *ends]))

@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.case.schema import DeviceTable
-from resilience.models.case_program import Problem, as_switched
+from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.network.situation import Situation
 from resilience.simulation.replay import per_slot, variables
 
@@ -34,7 +34,7 @@ UNITS = {
 
 
 @dataclass(frozen=True)
-class Table:
+class SlotTable:
     """Values (columns, slots) of one quantity, a label per column."""
 
     labels: tuple[str, ...]
@@ -45,9 +45,9 @@ class Table:
         return self.values[self.labels.index(label)]
 
 
-def tabulate(problem: Problem, z: Floats) -> dict[str, Table]:
+def tabulate(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
     """Every quantity as a table (columns, slots); names and units in `results.UNITS`."""
-    standard, case, data = problem.standard, problem.case, problem.data
+    standard, case, data = program.standard, program.case, program.data
 
     def values(name: str) -> Floats:
         return z[standard.columns(name)]
@@ -56,49 +56,49 @@ def tabulate(problem: Problem, z: Floats) -> dict[str, Table]:
     for name, tables in (("generator.p", case.generator), ("pv.p", case.pv)):
         if tables:
             power |= dict(zip(standard.labels(name), values(name), strict=True))
-    found: dict[str, Table] = {}
+    found: dict[str, SlotTable] = {}
     if case.ess:
         flow = values("ess.discharge") - values("ess.charge")
         names = standard.labels("ess.charge")
         power |= dict(zip(names, flow, strict=True))
         size = np.array([t.e_mwh for t in case.ess])[:, None]
-        found["energy"] = Table(names, values("ess.energy"))
-        found["soc"] = Table(names, values("ess.energy") / size)
+        found["energy"] = SlotTable(names, values("ess.energy"))
+        found["soc"] = SlotTable(names, values("ess.energy") / size)
     if case.grid:
         flow = values("grid.import") - values("grid.export")
         power |= dict(zip(standard.labels("grid.import"), flow, strict=True))
     if case.load:
         names = standard.labels("load.shed")
         power |= dict(zip(names, values("load.shed") - data["load.demand"], strict=True))
-        found["demand"] = Table(names, data["load.demand"])
-        found["shed"] = Table(names, values("load.shed"))
+        found["demand"] = SlotTable(names, data["load.demand"])
+        found["shed"] = SlotTable(names, values("load.shed"))
     if case.pv:
-        found["pv_available"] = Table(standard.labels("pv.p"), data["pv.available"])
-    found["power"] = Table(tuple(power), np.array(list(power.values())))
-    found |= _wires(problem, z)
-    found |= _states(problem, z, as_switched(problem, z))
-    return found | {"variables": Table(variables(standard), per_slot(standard, z))}
+        found["pv_available"] = SlotTable(standard.labels("pv.p"), data["pv.available"])
+    found["power"] = SlotTable(tuple(power), np.array(list(power.values())))
+    found |= _wires(program, z)
+    found |= _states(program, z, as_switched(program, z))
+    return found | {"variables": SlotTable(variables(standard), per_slot(standard, z))}
 
 
-def _wires(problem: Problem, z: Floats) -> dict[str, Table]:
-    standard, found = problem.standard, {}
+def _wires(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
+    standard, found = program.standard, {}
     if standard.has("bus.v_sq"):
         squares = np.maximum(z[standard.columns("bus.v_sq")], 0.0)
-        found["voltage"] = Table(standard.labels("bus.v_sq"), np.sqrt(squares))
+        found["voltage"] = SlotTable(standard.labels("bus.v_sq"), np.sqrt(squares))
     for table, name in (("line_power", "line.p"), ("line_reactive", "line.q")):
         if standard.has(name):
-            found[table] = Table(standard.labels(name), z[standard.columns(name)])
+            found[table] = SlotTable(standard.labels(name), z[standard.columns(name)])
     if standard.has("line.p"):
-        closed = as_switched(problem, z).line_up
-        found["line_closed"] = Table(standard.labels("line.p"), closed.astype(float))
+        closed = as_switched(program, z).line_up
+        found["line_closed"] = SlotTable(standard.labels("line.p"), closed.astype(float))
     return found
 
 
-def _states(problem: Problem, z: Floats, situation: Situation) -> dict[str, Table]:
-    standard, case = problem.standard, problem.case
+def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, SlotTable]:
+    standard, case = program.standard, program.case
     island = np.where(situation.alive > 0.5, situation.island + 1, 0)
-    bus_of = problem.grid.bus_of
-    found = {"island": Table(case.network.bus_names, island[bus_of].astype(float))}
+    bus_of = program.microgrid.bus_of
+    found = {"island": SlotTable(case.network.bus_names, island[bus_of].astype(float))}
     reactive = [
         (name.split(".")[0], name)
         for name in ("generator.q", "pv.q", "ess.q", "grid.q")
@@ -107,13 +107,15 @@ def _states(problem: Problem, z: Floats, situation: Situation) -> dict[str, Tabl
     if reactive:
         labels = tuple(label for _, name in reactive for label in standard.labels(name))
         rows = np.concatenate([z[standard.columns(name)] for _, name in reactive])
-        found["reactive"] = Table(labels, rows)
+        found["reactive"] = SlotTable(labels, rows)
     if standard.has("generator.on"):
-        found["on"] = Table(standard.labels("generator.on"), z[standard.columns("generator.on")])
+        found["on"] = SlotTable(
+            standard.labels("generator.on"), z[standard.columns("generator.on")]
+        )
     return found
 
 
-def balance(case: Case, tables: dict[str, Table]) -> dict[str, float]:
+def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:
     """The energy balance in MWh: what was fed in, what was taken, and what the wires lost."""
     power = tables["power"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case.schema import StormTable
 from resilience.fragility.chain import slot_times
-from resilience.fragility.lines.spans import Lines, Series, SpanWind, failure_probability
+from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated
 from resilience.fragility.wind import wind
 from resilience.plots import style
@@ -167,7 +167,7 @@ def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:
     axis.set_aspect("equal")
     axis.set_xlabel(f"km east of bus {network.bus_names[0]}")
     axis.set_ylabel("km north")
-    title = "Lines" + (", places made up" if place.synthetic else "")
+    title = "SpannedLines" + (", places made up" if place.synthetic else "")
     axis.set_title(title, loc="left", fontsize=9, fontweight="bold")
     style.open_frame(axis)
 
@@ -230,7 +230,7 @@ def _line_curve(found: Hazard, line: int) -> Floats:
     mask, curve = lines.span_line == line, lines.series[0].curve
     spans = int(mask.sum())
     series = tuple(Series(one.curve, one.count[mask]) for one in lines.series)
-    alone = Lines((lines.names[line],), np.zeros(spans, np.intp), series, lines.correlation)
+    alone = SpannedLines((lines.names[line],), np.zeros(spans, np.intp), series, lines.correlation)
     measure = curve.averaging_s, curve.height_m, curve.exposure
     winds = (SpanWind(np.full((spans, 1), speed), *measure) for speed in CURVE_MPS)
     return np.array([failure_probability(alone, one)[0] for one in winds])

@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.tables import Table
+from resilience.planning.tables import SlotTable
 from resilience.plots import style
 from resilience.plots.style import COLOURS
 
@@ -104,7 +104,7 @@ def _power(axis: Axes, plan: ScenarioPlan, case: Case, hours: Floats) -> None:
     share.set_ylabel("no outage yet\n(probability, grey)", fontsize=8)
 
 
-def _band(axis: Axes, band: Table, hours: Floats, colour: str) -> None:
+def _band(axis: Axes, band: SlotTable, hours: Floats, colour: str) -> None:
     mean, low, high = (np.append(row, row[-1]) for row in band.values)
     axis.fill_between(
         hours, low, high, step="post", color=colour, alpha=0.25, lw=0, label="5 to 95 %"
@@ -112,7 +112,7 @@ def _band(axis: Axes, band: Table, hours: Floats, colour: str) -> None:
     axis.step(hours, mean, where="post", color=colour, lw=1.3, label="mean of scenarios")
 
 
-def _stored(axis: Axes, band: Table, ends: Floats) -> None:
+def _stored(axis: Axes, band: SlotTable, ends: Floats) -> None:
     mean, low, high = band.values
     axis.fill_between(
         ends, low, high, color=COLOURS["storage"], alpha=0.25, lw=0, label="5 to 95 %"

@@ -11,8 +11,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.evaluation.comparison import Compared
 from resilience.plots import panels, style
-from resilience.plots.storm_choice import Day, Storm, storm
-from resilience.plots.storm_data import Deed
+from resilience.plots.storm_choice import Day, EpisodeView, storm
+from resilience.plots.storm_data import MethodView
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def plot_storm(
         return style.keep(_draw(seen), path)
 
 
-def _draw(seen: Storm) -> Figure:
+def _draw(seen: EpisodeView) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -80,7 +80,7 @@ def _draw(seen: Storm) -> Figure:
     return figure
 
 
-def _heights(seen: Storm) -> dict[str, float]:
+def _heights(seen: EpisodeView) -> dict[str, float]:
     """More room for more zones and lines, up to a limit."""
     found = dict(HEIGHTS)
     found["islands"] = min(max(0.5, 0.22 * len(seen.feeder.zones)), 2.2)
@@ -88,7 +88,7 @@ def _heights(seen: Storm) -> dict[str, float]:
     return found
 
 
-def _title(seen: Storm) -> str:
+def _title(seen: EpisodeView) -> str:
     same = "" if len(seen.deeds) == 1 else ", the same storm for all"
     return (
         f"{seen.case.name} from {seen.start:%Y-%m-%d %H:%M} ({seen.which}{same}): "
@@ -96,7 +96,7 @@ def _title(seen: Storm) -> str:
     )
 
 
-def _column(rows: dict[str, Axes], seen: Storm, one: Deed, *, last: bool) -> None:
+def _column(rows: dict[str, Axes], seen: EpisodeView, one: MethodView, *, last: bool) -> None:
     hours, shared = seen.hours, seen.feeder
     _power(rows["power"], hours, one)
     size = np.array([t.e_mwh for t in seen.case.ess])
@@ -123,7 +123,7 @@ def _column(rows: dict[str, Axes], seen: Storm, one: Deed, *, last: bool) -> Non
         panels.band_legend(rows["islands"], shown)
 
 
-def _power(axis: Axes, hours: Floats, one: Deed) -> None:
+def _power(axis: Axes, hours: Floats, one: MethodView) -> None:
     panels.draw_power(axis, hours, one.fed, one.taken)
     top = sum(one.fed.values(), np.zeros(len(hours) - 1))
     if one.curtailed.max(initial=0.0) > 1e-4:
@@ -132,7 +132,7 @@ def _power(axis: Axes, hours: Floats, one: Deed) -> None:
     panels.draw_demand(axis, hours, one.demand, one.shed.sum(0))
 
 
-def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], one: Deed) -> None:
+def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], one: MethodView) -> None:
     import matplotlib as mpl
 
     shades = mpl.colormaps[style.SHED](np.linspace(0.95, 0.3, max(len(groups), 2)))

@@ -13,7 +13,7 @@ from resilience.arrays import Floats, Ints
 from resilience.case.networks.network import did_you_mean
 from resilience.errors import UsageError
 from resilience.evaluation.comparison import Compared, day_spans
-from resilience.plots.storm_data import Deed, Feeder, deed, feeder, load_groups
+from resilience.plots.storm_data import FeederView, MethodView, deed, feeder, load_groups
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -23,7 +23,7 @@ MOST = 6  # methods beside each other
 
 
 @dataclass(frozen=True)
-class Storm:
+class EpisodeView:
     """Everything that is drawn.
 
     Attributes:
@@ -40,8 +40,8 @@ class Storm:
     which: str
     start: datetime
     hours: Floats
-    feeder: Feeder
-    deeds: dict[str, Deed]
+    feeder: FeederView
+    deeds: dict[str, MethodView]
     groups: list[tuple[str, Ints]]
 
 
@@ -50,7 +50,7 @@ def storm(
     methods: str | Sequence[str],
     episode: int | None = None,
     day: Day = None,
-) -> Storm:
+) -> EpisodeView:
     """The arrays that `plot_storm` draws; arguments and errors as there."""
     names = [methods] if isinstance(methods, str) else list(dict.fromkeys(methods))
     _check(compared, names, episode, day)
@@ -62,7 +62,7 @@ def storm(
     runs = {name: compared.trajectories[name] for name in names}
     exact = getattr(compared, "forecast_error", "none") == "none"
     deeds = {name: deed(case, run, shared, k, span, exact) for name, run in runs.items()}
-    return Storm(
+    return EpisodeView(
         case=case,
         which=_which(k, d, scenarios.n, len(spans), day == "all"),
         start=case.start + timedelta(hours=span.start * case.step_h),

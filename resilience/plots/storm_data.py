@@ -24,7 +24,7 @@ OTHERS = "others"
 
 
 @dataclass(frozen=True)
-class Feeder:
+class FeederView:
     """The feeder in one storm, the same for every method.
 
     Attributes:
@@ -47,7 +47,7 @@ class Feeder:
 
 
 @dataclass(frozen=True)
-class Deed:
+class MethodView:
     """What one method did in the span. Sources less what is taken and spilled is demand less shed.
 
     Attributes:
@@ -72,7 +72,7 @@ class Deed:
     cost: float
 
 
-def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> Feeder:
+def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> FeederView:
     """The feeder in the slots `span` of an episode, counted from 0."""
     network = closable(case.network)
     fallible = network.breakpoint | np.isin(network.line_names, scenarios.lines)
@@ -94,7 +94,7 @@ def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> Feede
     situation = Situation(case.profile, merged.line_names, ends, up, forming, up.shape[1])
     down = scenarios.down[:, span, episode]
     hit = np.flatnonzero(down.any(axis=1))
-    return Feeder(
+    return FeederView(
         zones=zone_names(case.network, zone_of),
         zone_of=zone_of,
         on_grid=standing(("grid",)),
@@ -139,8 +139,8 @@ def _zone_name(names: list[str]) -> str:
 
 
 def deed(
-    case: Case, run: Trajectory, feeder_: Feeder, episode: int, span: slice, exact: bool = True
-) -> Deed:
+    case: Case, run: Trajectory, feeder_: FeederView, episode: int, span: slice, exact: bool = True
+) -> MethodView:
     """What a method did in the slots `span` of an episode, counted from 0.
 
     `exact`: the profiles of the case are what came true.
@@ -164,7 +164,7 @@ def deed(
     size = np.array([t.e_mwh for t in case.ess])
     unused = np.maximum(_sun(case, feeder_, span) - pv, 0.0).sum(0)
     energy = run.energy[:, span.start : span.stop + 1, episode]
-    return Deed(
+    return MethodView(
         fed=fed,
         taken=taken,
         spilled=spilled,
@@ -176,14 +176,14 @@ def deed(
     )
 
 
-def _sun(case: Case, feeder_: Feeder, span: slice) -> Floats:
+def _sun(case: Case, feeder_: FeederView, span: slice) -> Floats:
     """(plants, slots) MW that PV could feed in; nothing in a dead island."""
     zones = [feeder_.zone_of[case.network.bus(t.bus)] for t in case.pv]
     sun = np.array([t.p_max_mw * case.profile(t.profile)[span] for t in case.pv])
     return sun.reshape(len(zones), span.stop - span.start) * (feeder_.island[zones] > 0)
 
 
-def load_groups(case: Case, feeder_: Feeder, sheds: list[Floats]) -> list[tuple[str, Ints]]:
+def load_groups(case: Case, feeder_: FeederView, sheds: list[Floats]) -> list[tuple[str, Ints]]:
     """Loads in a few groups, by name: each by itself where few are shed, else by zone.
 
     Args:

@@ -24,7 +24,7 @@ from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.form import Form
 from resilience.models.program.referee import Audit, audit
@@ -93,43 +93,43 @@ def replay(plan: Decided) -> Replayed:
             "a plan is replayed from its case and its table `variables`; it lacks one of them",
             hint="solve the case again",
         )
-    problem = horizon(plan.case, cast(Physics, plan.physics))
+    program = horizon(plan.case, cast(Physics, plan.physics))
     table = plan.tables["variables"]
-    if table.labels != variables(problem.standard):
+    if table.labels != variables(program.standard):
         raise UsageError(
             "the plan's variables are not those of its case at its physics",
             hint="it was saved by another version; solve the case again",
         )
-    return redo(problem, table.values)
+    return redo(program, table.values)
 
 
-def variables(problem: Standard) -> Labels:
+def variables(standard: Standard) -> Labels:
     """`ess.charge[ess1]`, ...: every variable of a slot, in the order of `per_slot`."""
-    return tuple(f"{b.name}[{label}]" for b in problem.forms[0].own for label in b.labels)
+    return tuple(f"{b.name}[{label}]" for b in standard.forms[0].own for label in b.labels)
 
 
-def per_slot(problem: Standard, z: Floats) -> Floats:
+def per_slot(standard: Standard, z: Floats) -> Floats:
     """(variables, slots) the values of a horizon's columns."""
-    return z[problem.tables[0][:, problem.forms[0].n_now :]].T
+    return z[standard.tables[0][:, standard.forms[0].n_now :]].T
 
 
-def redo(problem: Problem, decisions: Floats) -> Replayed:
+def redo(program: CaseProgram, decisions: Floats) -> Replayed:
     """Fixes the decisions (variables, slots) of a horizon and works out what follows."""
-    free = unroll([problem.standard.forms[0].stage], problem.standard.tree)  # no terminal value
+    free = unroll([program.standard.forms[0].stage], program.standard.tree)  # no terminal value
     form, table = free.forms[0], free.tables[0]
-    data = free.data_matrix(problem.data, form, free.members[0])
+    data = free.data_matrix(program.data, form, free.members[0])
     rhs = form.rhs[:, None] + form.rhs_data @ data
     follow = _Follow(form)
     z = np.zeros(free.n_columns)
     for name, at in free.initial.items():
-        z[at] = problem.x0[name]
+        z[at] = program.x0[name]
     for t in range(free.tree.n):
         z[table[t, form.n_now :]] = decisions[:, t]
         z[table[t]] = follow(z[table[t]], rhs[:, t])
-    terms = free.cost_terms(z, problem.data)
+    terms = free.cost_terms(z, program.data)
     costs = {name: float(spent.sum()) for name, spent in terms.items()}
     states = {b.name: z[free.columns(b.name)] for _, b in form.stage.states}
-    checked = audit(free, z, free.vectors(problem.data, problem.x0))
+    checked = audit(free, z, free.vectors(program.data, program.x0))
     return Replayed(sum(costs.values()), costs, states, checked)
 
 

@@ -40,13 +40,18 @@ class Slots:
 
     def __init__(
         self,
-        grid: Microgrid,
+        microgrid: Microgrid,
         simulator: Stepper,
         line_up: Bools,
         profile: Callable[[str | None, Ints], Floats],
     ) -> None:
         """See `World` for the arguments; `line_up` is (lines of the case, slots, scenarios)."""
-        self.grid, self.simulator, self.line_up, self.profile = grid, simulator, line_up, profile
+        self.microgrid, self.simulator, self.line_up, self.profile = (
+            microgrid,
+            simulator,
+            line_up,
+            profile,
+        )
         self.length = max(NODES // max(line_up.shape[2], 1), 1)
         self.number, self.kept = -1, list[Slot]()
 
@@ -67,8 +72,8 @@ class Slots:
                 profiles[name] = self.profile(name, slots).ravel()
             return profiles[name]
 
-        situation = self.grid.situation(up, profile)
-        data = self.grid.data(situation)
+        situation = self.microgrid.situation(up, profile)
+        data = self.microgrid.data(situation)
 
         def apart(array: np.ndarray) -> np.ndarray:
             """(slots, labels, scenarios), each slot in one piece."""

@@ -14,7 +14,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, Outage
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.simulation.forecast import Outlook
@@ -74,7 +74,7 @@ class World:
             0, 1, ... See `index`.
     """
 
-    grid: Microgrid
+    microgrid: Microgrid
     simulator: Stepper
     scenarios: Scenarios
     end_value_per_mwh: float
@@ -86,7 +86,7 @@ class World:
     @classmethod
     def of(
         cls,
-        grid: Microgrid,
+        microgrid: Microgrid,
         scenarios: Scenarios,
         *,
         end_value_per_mwh: float | None = None,
@@ -97,7 +97,7 @@ class World:
         """The world of a microgrid, simulated at the microgrid's own physics.
 
         Args:
-            grid: the microgrid.
+            microgrid: the microgrid.
             scenarios: its storms.
             end_value_per_mwh: the case's terminal value if omitted.
             outlook: errors of the forecast.
@@ -108,14 +108,17 @@ class World:
             UsageError: storms of another horizon, or physics that nothing simulates.
         """
         if end_value_per_mwh is None:
-            end_value_per_mwh = grid.case.terminal_value_per_mwh
-        if scenarios.slots != grid.case.slots:
+            end_value_per_mwh = microgrid.case.terminal_value_per_mwh
+        if scenarios.slots != microgrid.case.slots:
             raise UsageError(
-                f"scenarios of {scenarios.slots} slots; allowed: {grid.case.slots}, as the case",
+                f"scenarios of {scenarios.slots} slots; "
+                f"allowed: {microgrid.case.slots}, as the case",
                 hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
             )
-        stepped = stepper(grid)
-        return cls(grid, stepped, scenarios, end_value_per_mwh, outlook, known_centre, reset_daily)
+        stepped = stepper(microgrid)
+        return cls(
+            microgrid, stepped, scenarios, end_value_per_mwh, outlook, known_centre, reset_daily
+        )
 
     @property
     def index(self) -> Ints:
@@ -140,36 +143,36 @@ class World:
         return kept | {"simulator": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state | {"simulator": stepper(state["grid"])})
+        self.__dict__.update(state | {"simulator": stepper(state["microgrid"])})
 
     @cached_property
     def line_up(self) -> Bools:
         """(lines of the case, slots, scenarios) False where a line is down."""
-        return self.scenarios.line_up(self.grid.case.network.line_names)
+        return self.scenarios.line_up(self.microgrid.case.network.line_names)
 
     @property
     def per_day(self) -> int:
         """Slots of a day."""
-        return max(round(24.0 / self.grid.case.step_h), 1)
+        return max(round(24.0 / self.microgrid.case.step_h), 1)
 
     @cached_property
     def day(self) -> Ints:
         """(slots,) number of the day of every slot; days begin at midnight."""
-        case = self.grid.case
+        case = self.microgrid.case
         first = round((case.start.hour + case.start.minute / 60.0) / case.step_h)
         return (first + np.arange(case.slots)) // self.per_day
 
     @cached_property
     def ends(self) -> Ints:
         """Slots at whose end the energy left is credited: the last, or the last of every day."""
-        last = self.grid.case.slots - 1
+        last = self.microgrid.case.slots - 1
         if not self.reset_daily:
             return np.array([last])
         return np.append(np.flatnonzero(np.diff(self.day)), last)
 
     def profile(self, name: str | None, slots: Ints) -> Floats:
         """(len(slots), scenarios) what a profile really is."""
-        values = self.grid.case.profile(name)[slots]
+        values = self.microgrid.case.profile(name)[slots]
         if self.outlook is None:
             return np.broadcast_to(values[:, None], (len(values), self.scenarios.n))
         return self.outlook.true(name, values, slots)
@@ -179,17 +182,17 @@ class World:
         outlook = self.outlook
         if outlook is None:
             return self.profile
-        case = self.grid.case
+        case = self.microgrid.case
         return lambda name, slots: outlook.expected(name, case.profile(name)[slots], slots, now)
 
     def situation(self, t: int) -> Situation:
         """Slot t in every scenario: the scenarios are the nodes."""
         now = np.array([t])
-        return self.grid.situation(self.line_up[:, t], lambda name: self.profile(name, now)[0])
+        return self.microgrid.situation(self.line_up[:, t], lambda name: self.profile(name, now)[0])
 
     @cached_property
     def _slots(self) -> Slots:
-        return Slots(self.grid, self.simulator, self.line_up, self.profile)
+        return Slots(self.microgrid, self.simulator, self.line_up, self.profile)
 
     def slot(self, t: int) -> Slot:
         """Data and islands of slot t in every scenario."""
@@ -204,20 +207,20 @@ class World:
 
     def start(self) -> Floats:
         """(units, scenarios) MWh stored at the start."""
-        energy = self.grid.start()["ess.energy"] if self.grid.case.ess else np.empty(0)
+        energy = self.microgrid.start()["ess.energy"] if self.microgrid.case.ess else np.empty(0)
         return np.repeat(energy[:, None], self.scenarios.n, axis=1)
 
 
-def stepper(grid: Microgrid) -> Stepper:
+def stepper(microgrid: Microgrid) -> Stepper:
     """What simulates a microgrid at its physics: by arithmetic where lines carry anything, by a
     linear program per slot where they have ratings or voltages.
 
     Raises:
         UsageError: physics, or devices, that nothing simulates.
     """
-    if grid.physics == "copperplate" and not np.isfinite(grid.network.rating_mva).any():
-        return Simulator(grid, grid.case.step_h)
-    return NetworkSimulator(grid, grid.case.step_h)
+    if microgrid.physics == "copperplate" and not np.isfinite(microgrid.network.rating_mva).any():
+        return Simulator(microgrid, microgrid.case.step_h)
+    return NetworkSimulator(microgrid, microgrid.case.step_h)
 
 
 def simulate(
@@ -230,7 +233,7 @@ def simulate(
         dispatcher: a fresh one; it may remember what it has seen.
         on_slot: called after every slot.
     """
-    case, simulator, n = world.grid.case, world.simulator, world.scenarios.n
+    case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
     energy = start = world.start()
     left = np.zeros(n)
     run = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
@@ -260,4 +263,4 @@ def grid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics)
     """The microgrid in which every line of the scenarios can fail."""
     hit = {outage.line for outage in case.outages}
     more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
-    return microgrid(case.replace(outages=(*case.outages, *more)) if more else case, physics)
+    return Microgrid.of(case.replace(outages=(*case.outages, *more)) if more else case, physics)

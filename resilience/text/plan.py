@@ -175,19 +175,21 @@ def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ..
 def _islands(case: Case) -> list[str]:
     """What the outages of the case cut the feeder into at worst."""
     from resilience.models.case_program import status
-    from resilience.models.microgrid import microgrid
+    from resilience.models.microgrid import Microgrid
 
     if not case.outages:
         return []
-    grid = microgrid(case, "copperplate")
-    situation = grid.situation(status(case))
+    microgrid = Microgrid.of(case, "copperplate")
+    situation = microgrid.situation(status(case))
     counts = situation.island.max(axis=0) + 1
     worst = int(counts.argmax())
     found = [f"most islands: {counts[worst]}, from {case.slot_label(worst)}"]
     for number in range(int(counts[worst])):
-        inside = situation.island[grid.bus_of, worst] == number
+        inside = situation.island[microgrid.bus_of, worst] == number
         buses = [name for name, yes in zip(case.network.bus_names, inside, strict=True) if yes]
-        dead = "" if situation.alive[grid.bus_of, worst][inside].any() else " (no source: dead)"
+        dead = (
+            "" if situation.alive[microgrid.bus_of, worst][inside].any() else " (no source: dead)"
+        )
         shown = ", ".join(buses[:SHOWN]) + (f", ... ({len(buses)})" if len(buses) > SHOWN else "")
         found.append(f"  {shown}{dead}")
     return found

@@ -20,7 +20,7 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import status
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
-from resilience.models.microgrid import Microgrid, Physics, microgrid
+from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.unroll import unroll
 
 HERE = Path(__file__).parent
@@ -99,12 +99,12 @@ def tiny_case(**tables: Any) -> Case:
     )
 
 
-def alone(grid: Microgrid, kinds: tuple[str, ...]) -> Pyomo:
+def alone(microgrid: Microgrid, kinds: tuple[str, ...]) -> Pyomo:
     """The components of these kinds in a stage of their own, unrolled over the case's slots."""
-    case = grid.case
-    chosen = [c for c in grid.components if type(c).__name__ in kinds]
-    stage = Stage(case.step_h, reactive=grid.physics != "copperplate")
-    names = grid.network.bus_names
+    case = microgrid.case
+    chosen = [c for c in microgrid.components if type(c).__name__ in kinds]
+    stage = Stage(case.step_h, reactive=microgrid.physics != "copperplate")
+    names = microgrid.network.bus_names
     fed = [found for c in chosen if (found := c.emit(stage)) is not None]
     at = np.unique(np.concatenate([injection.bus for injection in fed]))
     for word in ("p", "q") if stage.reactive else ("p",):
@@ -114,7 +114,7 @@ def alone(grid: Microgrid, kinds: tuple[str, ...]) -> Pyomo:
             rest = rest + scatter(power, np.searchsorted(at, injection.bus), len(at))
         stage.eq(f"balance.{word}", rest)
     problem = unroll([stage], Tree.chain([case.slot_label(t) for t in range(case.slots)]))
-    situation = grid.situation(status(case))
+    situation = microgrid.situation(status(case))
     data = {k: v for c in chosen for k, v in c.data(situation).items()}
     start = {k: v for c in chosen for k, v in c.start().items()}
     model = Pyomo(problem, solver="scip")  # discs and cones as quadratic rows; nothing is solved
@@ -130,7 +130,7 @@ def rounded(text: str) -> str:
 def written(name: str, folder: Path) -> str:
     kinds, physics, tables = GOLDEN[name]
     path = folder / f"{name}.lp"
-    alone(microgrid(tiny_case(**tables), physics), kinds).write(path)
+    alone(Microgrid.of(tiny_case(**tables), physics), kinds).write(path)
     return rounded(path.read_text())
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from small import small
 
 from resilience.arrays import Floats
-from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
+from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
 from resilience.dispatch.sddp.training import Engine
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.language.tree import Cut, Tree
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 
@@ -26,7 +26,7 @@ BACK = 0.6
 FIRST = np.array([[0.9, 0.1]])
 
 
-def grid() -> Microgrid:
+def microgrid() -> Microgrid:
     """One load and two unlike storage units behind the line, generator and PV on either side."""
     case = small(
         slots=1,
@@ -46,7 +46,7 @@ def grid() -> Microgrid:
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
         columns={"demand": [1.0], "sun": [1.0]},
     )
-    return microgrid(case, "copperplate")
+    return Microgrid.of(case, "copperplate")
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,14 @@ def data(world: Microgrid, mode: int, outcome: int, sun: float) -> dict[str, Flo
 def multistage(world: Microgrid) -> Multistage:
     """The problem as the engine takes it: one level, the sun."""
 
-    def outcomes(mode: int) -> Outcomes:
+    def outcomes(mode: int) -> NoiseOutcomes:
         each = [[data(world, mode, w, sun) for sun in (0.0, 1.0)] for w in range(2)]
         names = each[0][0]
         parts = {
             k: np.stack([np.concatenate([a[k], b[k] - a[k]], axis=1) for a, b in each], axis=1)
             for k in names
         }
-        return Outcomes(0, NOISE[0], parts)
+        return NoiseOutcomes(0, NOISE[0], parts)
 
     slots = [[outcomes(0), outcomes(1)] for _ in range(SLOTS)]
     return Multistage([world.stage(1.0)], slots, transitions(), Cuts.of_prices(PRICES, 1))
@@ -136,7 +136,7 @@ class Written:
 
 def policy_cost(engine: Engine, energy: Floats, sun: float) -> float:
     """Expected cost of the policy that the cuts make, over every history."""
-    levels, problem = np.array([[sun]]), engine.problem
+    levels, problem = np.array([[sun]]), engine.multistage
 
     def visit(t: int, state: Floats, mode: int) -> float:
         if t == problem.slots:

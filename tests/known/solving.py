@@ -8,8 +8,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.models.case_program import Problem, horizon
-from resilience.models.methods import METHODS, Answer, Options
+from resilience.models.case_program import CaseProgram, horizon
+from resilience.models.methods import METHODS, MethodOptions, MethodResult
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
 
@@ -20,8 +20,8 @@ CLOSE = 1e-6
 class Solved:
     """An answer with its problem; `solved[name]` are the values of a variable, (labels, slots)."""
 
-    problem: Problem
-    answer: Answer
+    problem: CaseProgram
+    answer: MethodResult
     z: Floats
 
     def __getitem__(self, name: str) -> Floats:
@@ -60,7 +60,7 @@ def solved(
     """
     method_of, own = METHODS[method]
     problem = horizon(case, physics or own)
-    answer = method_of(problem, Options(time_limit, gap))
+    answer = method_of(problem, MethodOptions(time_limit, gap))
     found = Solved(problem, answer, settle(problem.standard, answer.z, problem.vectors))
     slack = CLOSE * (1.0 + abs(answer.objective))
     assert answer.bound <= answer.objective + slack
@@ -72,12 +72,12 @@ def solved(
 def power(found: Solved) -> tuple[Floats, Floats]:
     """What devices feed into every bus, MW and Mvar, (buses, slots)."""
     problem, case = found.problem, found.problem.case
-    shape = len(problem.grid.network.bus_names), case.slots
+    shape = len(problem.microgrid.network.bus_names), case.slots
     p, q = np.zeros(shape), np.zeros(shape)
     has = problem.standard.has
 
     def add(total: Floats, devices: tuple, values: Floats) -> None:
-        np.add.at(total, problem.grid.at(devices), values)
+        np.add.at(total, problem.microgrid.at(devices), values)
 
     if case.load:
         served = found["load.shed"] - problem.data["load.demand"]

@@ -20,8 +20,8 @@ def power_flow(found: Solved, t: int) -> tuple[Floats, Floats]:
     """
     import pandapower as pp
 
-    grid, z_base = found.problem.grid, found.problem.grid.network.vn_kv[0] ** 2
-    network, up = grid.network, found.problem.data["line.up"][:, t] > 0.5
+    microgrid, z_base = found.problem.microgrid, found.problem.microgrid.network.vn_kv[0] ** 2
+    network, up = microgrid.network, found.problem.data["line.up"][:, t] > 0.5
     p, q = power(found)
     net = pp.create_empty_network(sn_mva=1.0)
     for name, vn_kv in zip(network.bus_names, network.vn_kv, strict=True):
@@ -43,8 +43,8 @@ def power_flow(found: Solved, t: int) -> tuple[Floats, Floats]:
 
 def roots_of(found: Solved, t: int) -> list[int]:
     """One bus per live island: that of a grid if there is one."""
-    situation, grid = found.problem.situation, found.problem.grid
-    at_grid = set(grid.at(found.problem.case.grid).tolist())
+    situation, microgrid = found.problem.situation, found.problem.microgrid
+    at_grid = set(microgrid.at(found.problem.case.grid).tolist())
     order = sorted(np.flatnonzero(situation.forming), key=lambda b: int(b) not in at_grid)
     roots: dict[int, int] = {}
     for bus in order:

@@ -12,10 +12,10 @@ from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.planning.two_stage.extensive import extensive
-from resilience.planning.two_stage.lshaped import Options, Solved, lshaped
+from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
 from resilience.planning.two_stage.two_stage import TwoStage
 
-Solve = Callable[[TwoStage, Options], Solved]
+Solve = Callable[[TwoStage, DecompositionOptions], TwoStageSolution]
 CROPS = ("wheat", "corn", "beets")
 LAND = 500.0
 PLANT = np.array([150.0, 230.0, 260.0])
@@ -70,7 +70,7 @@ def acres(two: TwoStage, trunk: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("solve", [lshaped, extensive])
 def test_the_published_optimum(solve: Solve) -> None:
     two = farm()
-    found = solve(two, Options(gap=1e-9))
+    found = solve(two, DecompositionOptions(gap=1e-9))
     assert found.objective == pytest.approx(PUBLISHED, abs=0.5)
     assert found.bound == pytest.approx(PUBLISHED, abs=0.5)
     assert found.bound <= found.objective
@@ -81,7 +81,7 @@ def test_the_published_optimum(solve: Solve) -> None:
 def test_risk_moves_the_published_expected_cost(solve: Solve) -> None:
     """mpi-sppy's plan with 1 on the mean and 5 on CVaR 0.95, which is the worst of three years."""
     two = farm(Risk(0.95, 5 / 6))
-    found = solve(two, Options(gap=1e-9))
+    found = solve(two, DecompositionOptions(gap=1e-9))
     assert found.probability @ found.cost == pytest.approx(-103313.0, abs=1.0)
 
 
@@ -97,7 +97,7 @@ def test_risk_moves_the_published_expected_cost(solve: Solve) -> None:
 def test_weighted_years_and_risk_agree_with_a_hand_written_program(
     solve: Solve, risk: Risk, chances: tuple[float, ...]
 ) -> None:
-    found = solve(farm(risk, chances), Options(gap=1e-9))
+    found = solve(farm(risk, chances), DecompositionOptions(gap=1e-9))
     expected = by_hand(risk, np.array(chances))
     assert found.objective == pytest.approx(expected, rel=1e-8)
     assert found.bound == pytest.approx(expected, rel=1e-8)

@@ -8,9 +8,9 @@ from small import small
 from solving import Solved, power, solved
 
 from resilience.case import Case, load_case
-from resilience.models.case_program import Problem, status, terminal_cuts
+from resilience.models.case_program import CaseProgram, status, terminal_cuts
 from resilience.models.language.tree import Tree
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.network.graph import closable
 from resilience.models.program.unroll import unroll
 
@@ -150,8 +150,8 @@ def imbalance(found: Solved) -> float:
     island = problem.situation.island
     lost = np.zeros_like(p)
     if problem.standard.has("line.l"):
-        heat = found["line.l"] * problem.grid.network.r_pu[:, None]
-        np.add.at(lost, problem.grid.network.from_bus, heat)
+        heat = found["line.l"] * problem.microgrid.network.r_pu[:, None]
+        np.add.at(lost, problem.microgrid.network.from_bus, heat)
     worst = 0.0
     for t in range(problem.case.slots):
         net = np.bincount(island[:, t], weights=(p - lost)[:, t])
@@ -171,7 +171,7 @@ def test_every_island_balances_itself(method: str, physics: Any) -> None:
     assert np.abs(found["line.p"][down]).max() == 0.0
 
 
-def unmerged(case: Case) -> Problem:
+def unmerged(case: Case) -> CaseProgram:
     """Copperplate with every bus and line as its own."""
     network = closable(case.network)
     lines = np.array([case.network.line(name) for name in network.line_names])
@@ -182,7 +182,7 @@ def unmerged(case: Case) -> Problem:
     labels = [case.slot_label(t) for t in range(case.slots)]
     standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
     situation = grid.situation(status(case))
-    return Problem(grid, standard, situation, grid.data(situation), grid.start())
+    return CaseProgram(grid, standard, situation, grid.data(situation), grid.start())
 
 
 def loops() -> Case:
@@ -202,22 +202,22 @@ def loops() -> Case:
 
 @pytest.mark.parametrize("name", ["ieee33", "window", "loops"])
 def test_merging_buses_changes_nothing_at_copperplate(name: str) -> None:
-    from resilience.models.methods import METHODS, Options
+    from resilience.models.methods import METHODS, MethodOptions
 
     case = {"ieee33": lambda: load_case("ieee33"), "window": window, "loops": loops}[name]()
     merged, whole = solved(case, "lp", "copperplate"), unmerged(case)
-    found = METHODS["lp"][0](whole, Options())
+    found = METHODS["lp"][0](whole, MethodOptions())
     assert found.objective == pytest.approx(merged.objective, rel=1e-9)
-    buses = len(merged.problem.grid.network.bus_names)
+    buses = len(merged.problem.microgrid.network.bus_names)
     assert buses == {"ieee33": 5, "window": 5, "loops": 2}[name]
-    assert len(whole.grid.network.bus_names) == len(case.network.bus_names)
+    assert len(whole.microgrid.network.bus_names) == len(case.network.bus_names)
     merged_supply = merged["load.shed"].sum()
     assert merged_supply == pytest.approx(found.z[whole.standard.columns("load.shed")].sum())
 
 
 def test_a_merged_bus_is_the_one_its_devices_stand_at() -> None:
     case = load_case("ieee33")
-    grid = microgrid(case, "copperplate")
-    assert grid.network.bus_names == ("1", "2", "19", "23", "26")
-    assert grid.network.bus_names[grid.bus_of[case.network.bus("18")]] == "2"
-    assert grid.network.bus_names[grid.bus_of[case.network.bus("33")]] == "26"
+    microgrid = Microgrid.of(case, "copperplate")
+    assert microgrid.network.bus_names == ("1", "2", "19", "23", "26")
+    assert microgrid.network.bus_names[microgrid.bus_of[case.network.bus("18")]] == "2"
+    assert microgrid.network.bus_names[microgrid.bus_of[case.network.bus("33")]] == "26"

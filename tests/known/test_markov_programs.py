@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from markov_tree import Written, grid, multistage, policy_cost
+from markov_tree import Written, microgrid, multistage, policy_cost
 from test_farmer import PUBLISHED, WEATHER, autumn, spring
 
 from resilience.arrays import Floats
-from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
+from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
 from resilience.dispatch.sddp.training import Begin, Engine, Settings, Trained, simulated, train
 
 LOW, HIGH = np.array([0.2, 0.0]), np.array([2.0, 1.0])
@@ -17,13 +17,13 @@ STARTS = [(LOW + k * (HIGH - LOW), np.array([sun])) for k in (0.23, 0.81) for su
 
 @pytest.fixture(scope="module")
 def written() -> Written:
-    return Written.out(grid())
+    return Written.out(microgrid())
 
 
 @pytest.fixture(scope="module")
 def trained() -> tuple[Multistage, Trained]:
     """One set of cuts for all starts and levels."""
-    problem = multistage(grid())
+    problem = multistage(microgrid())
     settings = Settings(iterations=220, paths=4, patience=220, tidy=1000, jump=0.0)
 
     def start(rng: np.random.Generator, last: Floats | None) -> Begin:
@@ -75,7 +75,7 @@ def test_simulated_costs_lie_around_the_bound(trained: tuple[Multistage, Trained
 
 
 def test_bounds_rise_and_repeat_themselves() -> None:
-    problem, start = multistage(grid()), (LOW, np.array([0.5]))
+    problem, start = multistage(microgrid()), (LOW, np.array([0.5]))
     settings = Settings(iterations=8, seed=5, tidy=3)
     first, again = (
         train(problem, lambda rng, last: anywhere(rng), [start], settings) for _ in range(2)
@@ -89,7 +89,10 @@ def test_bounds_rise_and_repeat_themselves() -> None:
 
 def farmer() -> Multistage:
     stages = [spring(), *map(autumn, WEATHER)]
-    slots = [[Outcomes(0, np.ones(1), {})], [Outcomes(k, np.ones(1), {}) for k in (1, 2, 3)]]
+    slots = [
+        [NoiseOutcomes(0, np.ones(1), {})],
+        [NoiseOutcomes(k, np.ones(1), {}) for k in (1, 2, 3)],
+    ]
     chances = [np.ones((1, 1)), np.full((1, 3), 1.0 / 3.0)]
     return Multistage(stages, slots, chances, Cuts.of_prices(np.zeros(3)))
 

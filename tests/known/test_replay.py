@@ -12,7 +12,7 @@ from small import small
 
 import resilience as rs
 from resilience.planning.plan import Plan
-from resilience.planning.tables import Table
+from resilience.planning.tables import SlotTable
 from resilience.simulation.replay import Replayed, replay
 
 METHODS = [
@@ -129,7 +129,7 @@ def test_a_wrong_decision_is_caught(everything: Plan) -> None:
         kind = label.split("[")[0]
         values = table.values.copy()
         values[k, 3] += 0.01 if values[k, 3] < 0.5 else -0.01
-        moved = Table(table.labels, values)
+        moved = SlotTable(table.labels, values)
         wrong = replace(everything, tables={**everything.tables, "variables": moved})
         found = replay(wrong)
         if kind in states and kind != "line.closed":

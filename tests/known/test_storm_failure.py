@@ -9,12 +9,12 @@ from zhanjiang import rammasun
 
 from resilience.fragility.lines.curves import Curve
 from resilience.fragility.lines.damage import Timing, failed_by, hazard
-from resilience.fragility.lines.spans import Lines, Series, SpanWind, failure_probability
+from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
 
 CURVE = Curve(
     "pole", "lognormal", {"median_mps": 45.0, "beta": 0.20}, 60.0, 10.0, "water", "example"
 )
-ONE = Lines(("a-b",), np.zeros(1, int), (Series(CURVE, np.ones(1)),), correlation=0.0)
+ONE = SpannedLines(("a-b",), np.zeros(1, int), (Series(CURVE, np.ones(1)),), correlation=0.0)
 STEPS = {"15 min": (1, 0.25, 0.992), "1 h": (4, 1.0, 0.700)}
 
 

@@ -35,7 +35,7 @@ def tied(tie: dict[str, Any] | None = None, outage: str = "1-2@01:00-03:00") -> 
 
 def forest(found: Solved) -> None:
     """Asserts that closed lines are a forest in every slot, each live bus with a source."""
-    network, situation = found.problem.grid.network, found.problem.situation
+    network, situation = found.problem.microgrid.network, found.problem.situation
     closed = found.problem.data["line.up"] > 0.5
     closed[network.switchable] = found["line.closed"] > 0.5
     for t in range(closed.shape[1]):
@@ -164,7 +164,7 @@ def test_a_mended_topology_is_a_forest_close_to_the_one_before(name: str) -> Non
     z = np.zeros(problem.standard.n_columns)
     z[at] = vectors.lower[at]
     forest(Solved(problem, None, z))  # type: ignore[arg-type]
-    network = problem.grid.network
+    network = problem.microgrid.network
     before = network.in_service[network.switchable][:, None]
     up = problem.data["line.up"][network.switchable] > 0.5
     opened = (before & up & (z[at] < 0.5)).sum(0)

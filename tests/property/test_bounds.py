@@ -16,7 +16,7 @@ from resilience.models.backends.base import Solution
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Physics
@@ -25,7 +25,7 @@ from resilience.models.program.unroll import unroll
 
 
 @cache
-def feeder(physics: Physics) -> Problem:
+def feeder(physics: Physics) -> CaseProgram:
     """Three buses with a load, a battery, a plant and the grid, over two hours."""
     case = small(
         buses=3,
@@ -44,7 +44,7 @@ def feeder(physics: Physics) -> Problem:
 
 
 @cache
-def linear() -> tuple[Problem, Highs, Solution]:
+def linear() -> tuple[CaseProgram, Highs, Solution]:
     problem = feeder("lindistflow")
     nothing = np.zeros(problem.standard.n_columns, bool)
     solver = Highs(lower(problem.standard, integer=nothing, exact={}, discs="outer"))
@@ -53,7 +53,7 @@ def linear() -> tuple[Problem, Highs, Solution]:
 
 
 @cache
-def conic() -> tuple[Problem, Solution]:
+def conic() -> tuple[CaseProgram, Solution]:
     problem = feeder("distflow")
     solver = Conic(problem.standard)
     solver.update(problem.vectors)

@@ -16,7 +16,7 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
 
@@ -24,16 +24,16 @@ TOLERANCE = 1e-5
 FLAT: tuple[Physics, ...] = ("copperplate", "lindistflow")
 
 
-def solve(backend: Any, problem: Problem) -> Solution:
+def solve(backend: Any, problem: CaseProgram) -> Solution:
     backend.update(problem.vectors)
     return backend.solve()
 
 
-def exact(problem: Problem, **options: Any) -> Solution:
+def exact(problem: CaseProgram, **options: Any) -> Solution:
     return solve(Highs(problem.standard, gap=0.0, **options), problem)
 
 
-def breaks(problem: Problem, found: Solution) -> dict[str, float]:
+def breaks(problem: CaseProgram, found: Solution) -> dict[str, float]:
     """What the referee finds wrong, by name."""
     z = settle(problem.standard, found.point, problem.vectors)
     worst = audit(problem.standard, z, problem.vectors).worst

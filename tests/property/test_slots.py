@@ -17,7 +17,7 @@ from resilience.case import Case
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.language.tree import Tree
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator, Step
@@ -119,11 +119,11 @@ def test_economic_recourse_is_the_optimum_of_every_slot(case: Case, seed: int) -
     """HiGHS finds nothing cheaper in any mode; where an order was not followed, or power
     was spilled, no dispatch at all could have followed it.
     """
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     step: Step = simulator.step(*seen.all)
     assert_sound(simulator, seen, step)
-    problem = unroll([simulator.grid.stage(1.0)], Tree.chain(["now"]))
+    problem = unroll([simulator.microgrid.stage(1.0)], Tree.chain(["now"]))
     solver = Highs(lower(problem, exact={}))
     low, high = simulator.limits(seen.energy, seen.data)
     asked, done = np.clip(seen.action, low, high), step.charge - step.discharge
@@ -143,12 +143,12 @@ def test_the_network_step_agrees_where_the_network_does_not_matter(case: Case, s
     """At copperplate, and at lindistflow with wires so short that no voltage moves; two grids would
     hold two voltages alike, between which active power alone does not flow.
     """
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     step = simulator.step(*seen.all)
-    agree(step, NetworkSimulator(simulator.grid, 1.0).step(*seen.all))
+    agree(step, NetworkSimulator(simulator.microgrid, 1.0).step(*seen.all))
     if len(case.grid) < 2 and len(case.network.line_names) < len(case.network.bus_names):
-        wired = NetworkSimulator(microgrid(case, "lindistflow"), 1.0)
+        wired = NetworkSimulator(Microgrid.of(case, "lindistflow"), 1.0)
         other = scene(wired, MEMBERS, np.random.default_rng(seed))
         np.testing.assert_array_equal(seen.energy, other.energy)
         found = wired.step(*other.all)
@@ -170,7 +170,7 @@ def agree(step: Step, other: Step) -> None:
 @quick
 @given(cases(), st.integers(0, 2**16))
 def test_the_papers_recourse_conserves_energy_too(case: Case, seed: int) -> None:
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0, "paper")
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0, "paper")
     seen = scene(simulator, 50, np.random.default_rng(seed))
     assert_sound(simulator, seen, simulator.step(*seen.all))
 
@@ -178,7 +178,7 @@ def test_the_papers_recourse_conserves_energy_too(case: Case, seed: int) -> None
 @quick
 @given(cases(), st.integers(0, 2**16))
 def test_a_member_does_not_see_the_others(case: Case, seed: int) -> None:
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     whole = simulator.step(*seen.all)
     for k in range(MEMBERS):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from resilience.case.document import Document
-from resilience.case.networks.inline import Inline
+from resilience.case.inline import Inline
 from resilience.case.networks.network import Network
 from resilience.case.schema import GeographyTable, LineTable, StormTable
 from resilience.case.window import Window

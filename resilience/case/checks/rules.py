@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-MAX_PRICE_PER_MWH = 1e6
+from resilience.case.schema.fields import MAX_PRICE_PER_MWH
+
 _HOURS = (0.02, 200.0)
 _EPS = 1e-9
 
@@ -16,7 +17,7 @@ Finding = tuple[str, str, str, str]
 
 
 @dataclass(frozen=True)
-class Rule:
+class KeyRule:
     """One fact about a kind of device, checked where all the keys it `needs` are known.
 
     The first of them is the key that a message names.
@@ -51,63 +52,63 @@ def _ramped_start_below_minimum(d: Any) -> bool:
 
 
 RULES = (
-    Rule(
+    KeyRule(
         "ess",
         ("soc_min", "soc_max"),
         lambda d: d.soc_min > d.soc_max,
         "at most soc_max = {soc_max:g}",
         "swap the two limits, or lower soc_min",
     ),
-    Rule(
+    KeyRule(
         "ess",
         ("soc_initial", "soc_min", "soc_max"),
         _outside_band,
         "soc_min = {soc_min:g} to soc_max = {soc_max:g}",
         "set soc_initial inside the band",
     ),
-    Rule(
+    KeyRule(
         "ess",
         ("e_mwh", "p_max_mw"),
         _strange_duration,
         f"{_HOURS[0]:g} h to {_HOURS[1]:g} h at p_max_mw = {{p_max_mw:g}}",
         "one of e_mwh and p_max_mw is probably in kWh or kW",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("p_min_mw", "p_max_mw"),
         lambda d: d.p_min_mw > d.p_max_mw,
         "at most p_max_mw = {p_max_mw:g}",
         "swap the two limits, or lower p_min_mw",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("q_min_mvar", "q_max_mvar"),
         lambda d: d.q_min_mvar > d.q_max_mvar,
         "at most q_max_mvar = {q_max_mvar:g}",
         "swap the two limits",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("cost_curve", "p_min_mw", "p_max_mw"),
         _bad_curve,
         "two points or more, p_mw rising from at most {p_min_mw:g} to at least {p_max_mw:g}",
         "write [[p_mw, cost_per_h], ...] over the whole range p_min_mw to p_max_mw",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("p_initial_mw", "p_max_mw"),
         lambda d: d.p_initial_mw > d.p_max_mw,
         "at most p_max_mw = {p_max_mw:g}",
         "lower p_initial_mw",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("p_initial_mw", "initial_on"),
         lambda d: d.p_initial_mw > 0 and not d.initial_on,
         "0 while initial_on = false",
         "set initial_on = true, or p_initial_mw = 0",
     ),
-    Rule(
+    KeyRule(
         "generator",
         ("p_initial_mw", "initial_on", "p_min_mw"),
         _ramped_start_below_minimum,

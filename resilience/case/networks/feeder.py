@@ -28,7 +28,7 @@ class Branch:
 
 
 @dataclass(frozen=True)
-class Injection:
+class SourceDevice:
     """A load, generator or grid connection that a network file brings along; MW and Mvar."""
 
     name: str
@@ -47,10 +47,10 @@ class Feeder:
     """
 
     network: Network
-    load: tuple[Injection, ...] = ()
-    static: tuple[Injection, ...] = ()
-    generator: tuple[Injection, ...] = ()
-    grid: tuple[Injection, ...] = ()
+    load: tuple[SourceDevice, ...] = ()
+    static: tuple[SourceDevice, ...] = ()
+    generator: tuple[SourceDevice, ...] = ()
+    grid: tuple[SourceDevice, ...] = ()
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 

@@ -23,7 +23,7 @@ from resilience.case.networks.feeder import (
     Branch,
     Feeder,
     FeederError,
-    Injection,
+    SourceDevice,
     make_network,
     unique_names,
 )
@@ -185,7 +185,7 @@ def _feeder(tables: dict[str, Any]) -> Feeder:
             r_pu, x_pu = float(row[2]) / base_mva, float(row[3]) / base_mva
             branches.append(Branch(a, b, r_pu, x_pu, rating, bool(row[10] > 0)))
     load = [
-        Injection(f"load{names[int(row[0])]}", names[int(row[0])], float(row[2]), float(row[3]))
+        SourceDevice(f"load{names[int(row[0])]}", names[int(row[0])], float(row[2]), float(row[3]))
         for row in bus
         if row[2] or row[3]
     ]
@@ -199,8 +199,8 @@ def _feeder(tables: dict[str, Any]) -> Feeder:
     )
 
 
-def _generators(gen: Floats | None, names: dict[int, str]) -> Iterator[Injection]:
+def _generators(gen: Floats | None, names: dict[int, str]) -> Iterator[SourceDevice]:
     rows = [] if gen is None else [row for row in gen if row[7] > 0 and int(row[0]) in names]
     titles = unique_names(f"gen{int(row[0])}" for row in rows)
     for row, title in zip(rows, titles, strict=True):
-        yield Injection(title, names[int(row[0])], float(row[8]), v_pu=float(row[5]))
+        yield SourceDevice(title, names[int(row[0])], float(row[8]), v_pu=float(row[5]))

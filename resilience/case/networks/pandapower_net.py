@@ -22,7 +22,7 @@ from resilience.case.networks.feeder import (
     Branch,
     Feeder,
     FeederError,
-    Injection,
+    SourceDevice,
     make_network,
     unique_names,
 )
@@ -271,8 +271,8 @@ def _impedance(row: Row, _: float, __: float) -> tuple[float, float, float]:
 
 def _devices(
     tables: Tables, names: dict[int, str], aliases: dict[str, str]
-) -> dict[str, tuple[Injection, ...]]:
-    def read(kind: str, power: str) -> list[Injection]:
+) -> dict[str, tuple[SourceDevice, ...]]:
+    def read(kind: str, power: str) -> list[SourceDevice]:
         rows = [r for r in _active(tables, kind) if int(r["bus"]) in names]
         own = _own_names(rows) or {}
         titles = unique_names(
@@ -287,7 +287,9 @@ def _devices(
                 for key in power.split()
             )
             v_pu = _number(row, "vm_pu", 1.0)
-            out.append(Injection(title, aliases.get(bus, bus), p_mw * scale, q_mvar * scale, v_pu))
+            out.append(
+                SourceDevice(title, aliases.get(bus, bus), p_mw * scale, q_mvar * scale, v_pu)
+            )
         return out
 
     phases = read("asymmetric_load", "p_a_mw p_b_mw p_c_mw")

@@ -23,3 +23,6 @@ class Table(BaseModel):
     """Base of all tables: immutable, strict about types, and without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+MAX_PRICE_PER_MWH = 1e6  # of anything; beyond, a price is a slip

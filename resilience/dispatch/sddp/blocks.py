@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import Cuts
-from resilience.dispatch.sddp.program import Numbers, Program
+from resilience.dispatch.sddp.program import Numbers, StageProgram
 from resilience.errors import SolverError
 from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE, WARM
 
@@ -46,7 +46,7 @@ class Blocks:
     """
 
     def __init__(
-        self, parts: Sequence[tuple[Program, Numbers]], owner: Ints, cuts: Cuts, of: Ints
+        self, parts: Sequence[tuple[StageProgram, Numbers]], owner: Ints, cuts: Cuts, of: Ints
     ) -> None:
         self.owner, self.cuts, self.of = np.asarray(owner, np.intp), cuts, np.asarray(of, np.intp)
         each = [program for program, numbers in parts for _ in numbers.price]

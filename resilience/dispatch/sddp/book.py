@@ -12,7 +12,7 @@ from resilience.arrays import Bools, Floats
 from resilience.case import Case
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
-from resilience.dispatch.sddp.chain import Chain, storm_chain
+from resilience.dispatch.sddp.chain import ModeChain, storm_chain
 from resilience.dispatch.sddp.days import learnt, past_days, slot_of_day, slots_of_day
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
@@ -31,8 +31,8 @@ class CutSet:
     """Future costs for one bin of storm centres, and the modes that they belong to."""
 
     centres: tuple[int, ...]
-    chain: Chain
-    problem: Multistage
+    chain: ModeChain
+    multistage: Multistage
     trained: Trained
 
     def cuts(self, t: int, down: Bools) -> Cuts:
@@ -73,7 +73,7 @@ class Book:
         self.climate = learnt(past_days(case), outcomes)
         _, offset = slot_of_day(case, 0)
         self.prices = price_profiles(case, self.climate.names, self.per_day, offset)
-        self.start: Floats = self.fleet.grid.start()["ess.energy"]
+        self.start: Floats = self.fleet.microgrid.start()["ess.energy"]
         self._known: dict[tuple[object, ...], CutSet] = {}
 
     def centres(self, centre: int) -> tuple[int, ...]:
@@ -111,10 +111,10 @@ class Book:
         key = (centres, tuple(terminal.tolist()), stop)
         if key not in self._known:
             chain = storm_chain(self.bell, len(self.lines), np.array(centres), self.per_day)
-            problem = day_problem(
+            multistage = day_problem(
                 self.fleet, self.lines, chain, self.climate, self.prices, terminal, stop
             )
-            self._known[key] = CutSet(centres, chain, problem, self._trained(problem))
+            self._known[key] = CutSet(centres, chain, multistage, self._trained(multistage))
         return self._known[key]
 
     @property
@@ -122,15 +122,15 @@ class Book:
         """The case's own start, on every day that was learnt from."""
         return [(self.start, levels) for levels in self.climate.levels]
 
-    def _trained(self, problem: Multistage) -> Trained:
+    def _trained(self, multistage: Multistage) -> Trained:
         if self.folder is None:
-            return train(problem, self._begin, self.probes, self.settings)
+            return train(multistage, self._begin, self.probes, self.settings)
         facts = [*self.fleet.band, self.start, self.climate.levels]
-        key = digest(problem, facts, self.settings)
+        key = digest(multistage, facts, self.settings)
         path = self.folder / f"{key[:32]}.npz"
         found = load(path, key)
         if found is None:
-            found = train(problem, self._begin, self.probes, self.settings)
+            found = train(multistage, self._begin, self.probes, self.settings)
             save(path, key, found)
         return found
 

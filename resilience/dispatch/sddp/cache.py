@@ -17,7 +17,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage
-from resilience.dispatch.sddp.program import Program
+from resilience.dispatch.sddp.program import StageProgram
 from resilience.dispatch.sddp.training import Settings, Trained
 from resilience.files import replacing_file
 
@@ -31,7 +31,7 @@ def cache_folder() -> Path:
     return (Path(root) if root else Path.home() / ".cache") / "resilience" / "sddp"
 
 
-def digest(problem: Multistage, more: Iterable[Floats], settings: Settings) -> str:
+def digest(multistage: Multistage, more: Iterable[Floats], settings: Settings) -> str:
     """Of all that cuts depend on; `more` are arrays that say where paths begin."""
     found = hashlib.sha256(f"{VERSION} {settings}".encode())
 
@@ -40,20 +40,20 @@ def digest(problem: Multistage, more: Iterable[Floats], settings: Settings) -> s
         found.update(f"{name} {array.shape}".encode())
         found.update(array.tobytes())
 
-    for stage in problem.stages:
-        program = Program(stage)
-        take("matrix", program.problem.a.toarray())
+    for stage in multistage.stages:
+        program = StageProgram(stage)
+        take("matrix", program.standard.a.toarray())
         take("equality", program.equality)
         take("fixed", program.form.fixed)
         take("moving", program.form.moving.toarray())
         take("offset", np.append(program.form.offset, program.form.offset_data))
-    for modes, transition in zip(problem.outcomes, problem.transition, strict=True):
+    for modes, transition in zip(multistage.outcomes, multistage.transition, strict=True):
         take("transition", transition)
         for mode in modes:
             take(f"stage {mode.stage}", mode.probability)
             for name in sorted(mode.data):
                 take(name, mode.data[name])
-    for part in (problem.terminal.alpha, problem.terminal.beta, problem.terminal.gamma):
+    for part in (multistage.terminal.alpha, multistage.terminal.beta, multistage.terminal.gamma):
         take("terminal", part)
     for part in more:
         take("start", part)

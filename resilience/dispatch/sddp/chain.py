@@ -38,7 +38,7 @@ class Moves:
 
 
 @dataclass(frozen=True)
-class Chain:
+class ModeChain:
     """The modes of one day.
 
     Attributes:
@@ -54,7 +54,7 @@ class Chain:
         return int(np.argmin((self.down[t] != down).sum(axis=1)))
 
 
-def storm_chain(bell: Bell, lines: int, centres: Ints, per_day: int) -> Chain:
+def storm_chain(bell: Bell, lines: int, centres: Ints, per_day: int) -> ModeChain:
     """The chain of a day whose hazard peaks in one of `centres`, equally likely.
 
     Args:
@@ -148,7 +148,7 @@ def _joint(bell: Bell, sets: Bools, fails: Floats, back: Floats) -> Floats:
     return found
 
 
-def _pruned(sets: Bools, begin: Floats, joint: list[Floats]) -> Chain:
+def _pruned(sets: Bools, begin: Floats, joint: list[Floats]) -> ModeChain:
     """Without modes that are next to impossible; what led to them goes to the others."""
     chance, kept, joint[0] = np.ones(1), np.array([0]), (begin @ joint[0])[None]
     down, transition = [], []
@@ -161,4 +161,4 @@ def _pruned(sets: Bools, begin: Floats, joint: list[Floats]) -> Chain:
         transition.append(rows / rows.sum(axis=1, keepdims=True))
         down.append(sets[after])
         kept = after
-    return Chain(down, transition)
+    return ModeChain(down, transition)

@@ -13,14 +13,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.dispatch.aggregate import aggregate
+from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.sddp.book import Book, CutSet
-from resilience.dispatch.window_program import Program, Steps, Window
+from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
 from resilience.fragility.beliefs.conditional import DayDraw, Known, days_reached, futures
 from resilience.models.backends.highs import Highs
 from resilience.simulation.world import Forecast
 
-AHEAD = Steps(slots=4, blocks=3, block_slots=4)
+AHEAD = WindowSteps(slots=4, blocks=3, block_slots=4)
 
 
 @dataclass(frozen=True)
@@ -67,25 +67,25 @@ class Lookahead:
         seed: of the sampled futures; they have nothing to do with the storms that come.
     """
 
-    def __init__(self, book: Book, paths: int, steps: Steps = AHEAD, seed: int = 0) -> None:
+    def __init__(self, book: Book, paths: int, steps: WindowSteps = AHEAD, seed: int = 0) -> None:
         self.book, self.paths, self.steps, self.seed = book, paths, steps, seed
-        self.small = aggregate(book.fleet.grid.case)
+        self.small = merged_grid(book.fleet.microgrid.case)
         case = book.case
         self.lines = [case.network.line(name) for name in book.lines]
-        self._programs: dict[tuple[int, int, int], Program] = {}
+        self._programs: dict[tuple[int, int, int], WindowProgram] = {}
         self._ends: dict[tuple[int, int, int], Ints] = {}
         self._days: dict[int, DayDraw] = {}
 
     def decide(self, asked: Asked, cuts: CutSet) -> Floats:
         """(merged units,) charging power now, MW; negative is discharging."""
-        left = cuts.problem.slots - asked.known.t
+        left = cuts.multistage.slots - asked.known.t
         whole = left >= self.steps.horizon
-        steps = self.steps if whole else Steps(left, 0, self.steps.block_slots)
+        steps = self.steps if whole else WindowSteps(left, 0, self.steps.block_slots)
         paths = self._sampled(asked, steps)
         key = (steps.slots, steps.blocks, len(paths.share))
         program = self._program(key, steps)
         vectors = program.vectors(
-            Window(
+            WindowRequest(
                 asked.t,
                 asked.energy,
                 paths.up,
@@ -94,20 +94,22 @@ class Lookahead:
                 np.zeros(self.book.fleet.n),
             )
         )
-        problem, counted = program.problem, paths.share > 0.0
-        vectors.cost[problem.future] = paths.share
-        vectors.lower[problem.future] = np.where(counted, -np.inf, 0.0)
-        vectors.upper[problem.future] = np.where(counted, np.inf, 0.0)
+        standard, counted = program.standard, paths.share > 0.0
+        vectors.cost[standard.future] = paths.share
+        vectors.lower[standard.future] = np.where(counted, -np.inf, 0.0)
+        vectors.upper[standard.future] = np.where(counted, np.inf, 0.0)
         rows = self._rows(key, asked, cuts, paths, asked.known.t + steps.horizon - 1)
         solver = Highs(program.solver.lowered, rows=rows, duals=False, threads=1)
         # Solved once and from scratch: half the time that presolve needs.
         solver.model.setOptionValue("presolve", "off")
         solver.update(vectors)
         z = solver.solve().point
-        charge, discharge = (problem.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge"))
+        charge, discharge = (
+            standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")
+        )
         return z[charge] - z[discharge]
 
-    def _sampled(self, asked: Asked, steps: Steps) -> Futures:
+    def _sampled(self, asked: Asked, steps: WindowSteps) -> Futures:
         """Different paths, as many as a program is kept for: the last may stand there twice."""
         after, up = steps.horizon - 1, np.repeat(asked.up[:, None, None], steps.n, axis=1)
         down = asked.known.since >= 0
@@ -138,20 +140,20 @@ class Lookahead:
             self._days[day] = DayDraw.of(len(self.lines), self.paths, rng)
         return self._days[day]
 
-    def _program(self, key: tuple[int, int, int], steps: Steps) -> Program:
+    def _program(self, key: tuple[int, int, int], steps: WindowSteps) -> WindowProgram:
         if key not in self._programs:
-            program = Program(self.small, steps, key[2])
-            problem = program.problem
-            states = [problem.state_columns(int(leaf)) for leaf in problem.tree.leaves]
+            program = WindowProgram(self.small, steps, key[2])
+            standard = program.standard
+            states = [standard.state_columns(int(leaf)) for leaf in standard.tree.leaves]
             self._programs[key] = program
-            self._ends[key] = np.column_stack([np.array(states), problem.future])
+            self._ends[key] = np.column_stack([np.array(states), standard.future])
         return self._programs[key]
 
     def _rows(
         self, key: tuple[int, int, int], asked: Asked, found: CutSet, paths: Futures, last: int
     ) -> tuple[sp.csr_array, Floats]:
         """Rows beta @ state - future <= -alpha of every path that counts, at slot `last`."""
-        problem, ends = self._programs[key].problem, self._ends[key]
+        standard, ends = self._programs[key].standard, self._ends[key]
         values, columns, sides = [], [], []
         for path in np.flatnonzero(paths.share > 0.0):
             cuts = found.cuts(last, paths.ends[:, path])
@@ -160,6 +162,6 @@ class Lookahead:
             sides.append(-cuts.at(asked.levels))
         value, column = np.concatenate(values), np.concatenate(columns)
         starts = np.arange(len(value) + 1) * value.shape[1]
-        shape = (len(value), problem.n_columns)
+        shape = (len(value), standard.n_columns)
         rows = sp.csr_array((value.ravel(), column.ravel(), starts), shape=shape)
         return rows, np.concatenate(sides)

@@ -84,7 +84,7 @@ class Cuts:
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class NoiseOutcomes:
     """What may be seen in one slot and mode.
 
     Attributes:
@@ -112,7 +112,7 @@ class Multistage:
     """
 
     stages: Sequence[Stage]
-    outcomes: Sequence[Sequence[Outcomes]]
+    outcomes: Sequence[Sequence[NoiseOutcomes]]
     transition: Sequence[Floats]
     terminal: Cuts
 
@@ -139,5 +139,5 @@ class Multistage:
         return int(self.terminal.gamma.shape[1])
 
 
-def _noise(modes: Sequence[Outcomes]) -> list[tuple[str, Floats]]:
+def _noise(modes: Sequence[NoiseOutcomes]) -> list[tuple[str, Floats]]:
     return [(f"outcomes of mode {m}", mode.probability) for m, mode in enumerate(modes)]

@@ -11,8 +11,8 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.book import Book, CutSet
 from resilience.dispatch.sddp.lookahead import Asked, Lookahead
-from resilience.dispatch.sddp.model import Cuts, Outcomes
-from resilience.dispatch.sddp.program import Program
+from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
+from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
 from resilience.fragility.beliefs.conditional import Known
 from resilience.simulation.world import Observation, World
@@ -40,7 +40,7 @@ class Sddp:
     """
 
     def __init__(self, world: World, book: Book | None = None, *, paths: int = PATHS) -> None:
-        case = world.grid.case
+        case = world.microgrid.case
         if case.storm is not None:
             raise UsageError(
                 f"sddp learns days that are alike, and case {case.name!r} has the one storm "
@@ -51,13 +51,13 @@ class Sddp:
         self.book = book or Book(case)
         self.fleet, self.memory = self.book.fleet, Memory(world)
         self.lines = [case.network.line(name) for name in self.book.lines]
-        self.program = Program(self.fleet.grid.stage(case.step_h))
+        self.program = StageProgram(self.fleet.microgrid.stage(case.step_h))
         self.ahead = Lookahead(self.book, paths) if paths else None
         self._midnight, self._end = self.book.ends(world.end_value_per_mwh)
 
     def cut_set(self, t: int, centre: int) -> CutSet:
         """The cuts of the day of slot t: up to midnight, or to the end of the horizon."""
-        clock, left = self.memory.clock(t), self.world.grid.case.slots - t
+        clock, left = self.memory.clock(t), self.world.microgrid.case.slots - t
         if left <= self.book.per_day - clock:
             return self.book.cut_set(centre, self._end, clock + left)
         return self.book.cut_set(centre, self._midnight)
@@ -82,9 +82,11 @@ class Sddp:
             found = self.cut_set(seen.t, int(seen.centre[k]))
             behind = found.cuts(clock, ~seen.line_up[self.lines, k])
             cuts.append(Cuts(behind.at(at), behind.beta, np.empty((behind.n, 0))))
-        grid, now = self.fleet.grid, np.array([seen.t])
-        data = grid.data(grid.situation(seen.line_up, lambda name: seen.forecast(name, now)[0]))
-        known = Outcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
+        microgrid, now = self.fleet.microgrid, np.array([seen.t])
+        data = microgrid.data(
+            microgrid.situation(seen.line_up, lambda name: seen.forecast(name, now)[0])
+        )
+        known = NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
         of = np.repeat(np.arange(n), [part.n for part in cuts])
         parts = [(self.program, self.program.numbers(known, 0))]
         blocks = Blocks(parts, np.arange(n), Cuts.joined(cuts), of)
@@ -110,7 +112,7 @@ class Sddp:
 
     def _levels(self, seen: Observation) -> Sequence[Floats]:
         """(levels,) per scenario: what the forecast says of the rest of the day."""
-        case, climate, n = self.world.grid.case, self.book.climate, seen.energy.shape[1]
+        case, climate, n = self.world.microgrid.case, self.book.climate, seen.energy.shape[1]
         clock = self.memory.clock(seen.t)
         ahead = np.arange(min(self.book.per_day - clock, case.slots - seen.t))
         said = np.array([seen.forecast(name, seen.t + ahead) for name in climate.names])

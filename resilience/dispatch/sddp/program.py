@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.dispatch.sddp.model import Outcomes
+from resilience.dispatch.sddp.model import NoiseOutcomes
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
@@ -33,7 +33,7 @@ class Numbers:
     offset: Floats
 
 
-class Program:
+class StageProgram:
     """The matrix of a stage, and how data becomes numbers.
 
     Raises:
@@ -41,19 +41,19 @@ class Program:
     """
 
     def __init__(self, stage: Stage) -> None:
-        self.problem = unroll([stage], Tree.chain(["now"]))
-        if self.problem.integer.any():
+        self.standard = unroll([stage], Tree.chain(["now"]))
+        if self.standard.integer.any():
             raise ValueError("a stage with integers has no cuts; relax it first")
-        self.form = self.problem.forms[0]
-        self.n_now, whole = self.problem.n_states, self.problem.a.toarray()
+        self.form = self.standard.forms[0]
+        self.n_now, whole = self.standard.n_states, self.standard.a.toarray()
         # Behind the present states stands the future cost of the one leaf, which `Blocks` has too.
-        self._own = np.arange(self.n_now + 1, self.problem.n_columns)
+        self._own = np.arange(self.n_now + 1, self.standard.n_columns)
         self.now = whole[:, : self.n_now]
-        after = self.problem.state_columns(0) - self._own[0]
+        after = self.standard.state_columns(0) - self._own[0]
         self.group, self._first = self._parallel(whole[:, self._own], after)
         self.a = sp.csr_array(whole[:, self._own[self._first]])
         self.after: Ints = self.group[after]
-        self.equality = self.problem.equality
+        self.equality = self.standard.equality
         self.n = len(self._first)
 
     def _parallel(self, own: Floats, after: Ints) -> tuple[Ints, Ints]:
@@ -68,9 +68,9 @@ class Program:
 
     def columns(self, name: str) -> Ints:
         """(labels,) columns of a variable; several labels share one where they are merged."""
-        return self.group[self.problem.columns(name)[:, 0] - self._own[0]]
+        return self.group[self.standard.columns(name)[:, 0] - self._own[0]]
 
-    def numbers(self, outcomes: Outcomes, levels: int) -> Numbers:
+    def numbers(self, outcomes: NoiseOutcomes, levels: int) -> Numbers:
         """Those of every outcome.
 
         Raises:

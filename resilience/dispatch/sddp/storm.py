@@ -11,10 +11,10 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.case.schema import ESSTable
-from resilience.dispatch.sddp.chain import Chain
+from resilience.dispatch.sddp.chain import ModeChain
 from resilience.dispatch.sddp.days import Climate
-from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
+from resilience.models.microgrid import Microgrid
 
 
 @dataclass(frozen=True)
@@ -26,19 +26,19 @@ class Fleet:
     one unit of their total size has the same choices and costs.
 
     Attributes:
-        grid: the microgrid with the merged units.
+        microgrid: the microgrid with the merged units.
         member: (units of the case,) which merged unit each belongs to.
         share: (units of the case,) of the merged unit's energy and power.
     """
 
-    grid: Microgrid
+    microgrid: Microgrid
     member: Ints
     share: Floats
 
     @classmethod
     def of(cls, case: Case) -> Fleet:
         """The fleet of a case, over one slot: profiles come from elsewhere."""
-        at = microgrid(case, "copperplate").at(case.ess)
+        at = Microgrid.of(case, "copperplate").at(case.ess)
         alike = [_alike(unit, int(bus)) for unit, bus in zip(case.ess, at, strict=True)]
         kinds = list(dict.fromkeys(alike))
         member = np.array([kinds.index(kind) for kind in alike], np.intp)
@@ -49,22 +49,22 @@ class Fleet:
             for k in range(len(kinds))
         )
         whole = case.replace(ess=merged, outages=())
-        return cls(microgrid(whole, "copperplate"), member, size / total[member])
+        return cls(Microgrid.of(whole, "copperplate"), member, size / total[member])
 
     @property
     def n(self) -> int:
         """Number of merged units."""
-        return len(self.grid.case.ess)
+        return len(self.microgrid.case.ess)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the merged units."""
-        return tuple(unit.name for unit in self.grid.case.ess)
+        return tuple(unit.name for unit in self.microgrid.case.ess)
 
     @cached_property
     def band(self) -> tuple[Floats, Floats]:
         """(merged units,) least and most energy, MWh."""
-        units = self.grid.case.ess
+        units = self.microgrid.case.ess
         size = np.array([u.e_mwh for u in units])
         return size * [u.soc_min for u in units], size * [u.soc_max for u in units]
 
@@ -115,7 +115,7 @@ class Prices:
 def day_problem(
     fleet: Fleet,
     lines: Sequence[str],
-    chain: Chain,
+    chain: ModeChain,
     climate: Climate,
     prices: Prices,
     terminal: Floats,
@@ -133,11 +133,11 @@ def day_problem(
         stop: number of slots.
     """
     outcomes = [
-        _slot(fleet, _status(fleet.grid.case, lines, chain.down[t]), climate, prices, t)
+        _slot(fleet, _status(fleet.microgrid.case, lines, chain.down[t]), climate, prices, t)
         for t in range(stop)
     ]
     end = Cuts.of_prices(terminal, len(climate.basis))
-    stage = fleet.grid.stage(fleet.grid.case.step_h)
+    stage = fleet.microgrid.stage(fleet.microgrid.case.step_h)
     return Multistage([stage], outcomes, chain.transition[:stop], end)
 
 
@@ -148,7 +148,7 @@ def _status(case: Case, lines: Sequence[str], down: Bools) -> Bools:
     return up
 
 
-def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> list[Outcomes]:
+def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> list[NoiseOutcomes]:
     """Every mode of a slot: the world at zero levels, then what one unit of each level adds."""
     n, levels = len(climate.noise), len(climate.basis)
     per_mode = n * (1 + levels)
@@ -161,13 +161,13 @@ def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> 
         each = [np.append(0.0, climate.profile(name, t, w)) for w in range(n)]
         return np.tile(np.concatenate(each), up.shape[1])
 
-    data = fleet.grid.data(fleet.grid.situation(np.repeat(up, per_mode, axis=1), profile))
+    data = fleet.microgrid.data(fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile))
     found = []
     shaped = {k: v.reshape(len(v), up.shape[1], n, 1 + levels).copy() for k, v in data.items()}
     for value in shaped.values():
         value[..., 1:] -= value[..., :1]
     for m in range(up.shape[1]):
-        found.append(Outcomes(0, np.full(n, 1.0 / n), {k: v[:, m] for k, v in shaped.items()}))
+        found.append(NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, m] for k, v in shaped.items()}))
     return found
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.blocks import Blocks
-from resilience.dispatch.sddp.model import Cuts, Multistage, Outcomes
-from resilience.dispatch.sddp.program import Program
+from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
+from resilience.dispatch.sddp.program import StageProgram
 from resilience.progress import phase
 
 Begin = tuple[Floats, Floats]
@@ -75,14 +75,14 @@ class Trained:
         return float(self.bounds[-1])
 
 
-class Slot:
+class TrainingSlot:
     """All modes and outcomes of a slot, at several points at once, with the cuts of their futures.
 
     Blocks are numbered by point, then by mode, then by outcome.
     """
 
     def __init__(
-        self, programs: list[Program], modes: Sequence[Outcomes], levels: int, points: int
+        self, programs: list[StageProgram], modes: Sequence[NoiseOutcomes], levels: int, points: int
     ) -> None:
         self.noise, self.points = [mode.probability for mode in modes], points
         parts = [(programs[m.stage], programs[m.stage].numbers(m, levels)) for m in modes]
@@ -121,15 +121,17 @@ class Engine:
     """The slots of a problem, all warm; `points` paths go through them at once."""
 
     def __init__(
-        self, problem: Multistage, cuts: list[list[Cuts]] | None = None, points: int = 1
+        self, multistage: Multistage, cuts: list[list[Cuts]] | None = None, points: int = 1
     ) -> None:
-        self.problem, self.points = problem, points
-        programs = [Program(stage) for stage in problem.stages]
-        levels = problem.levels
-        self.slots = [Slot(programs, modes, levels, points) for modes in problem.outcomes]
+        self.multistage, self.points = multistage, points
+        programs = [StageProgram(stage) for stage in multistage.stages]
+        levels = multistage.levels
+        self.slots = [
+            TrainingSlot(programs, modes, levels, points) for modes in multistage.outcomes
+        ]
         for slot, known in zip(self.slots, cuts or [], strict=False):
             slot.put(known)
-        self.slots[-1].put([problem.terminal] * len(problem.outcomes[-1]))
+        self.slots[-1].put([multistage.terminal] * len(multistage.outcomes[-1]))
 
     def forward(
         self, begin: Begin, rng: np.random.Generator, jump: Callable[[Floats], Floats] | None = None
@@ -141,7 +143,7 @@ class Engine:
         state, levels = begin
         states, cost = [state], np.zeros(self.points)
         modes = [np.zeros(self.points, np.intp)]
-        for slot, transition in zip(self.slots, self.problem.transition, strict=True):
+        for slot, transition in zip(self.slots, self.multistage.transition, strict=True):
             mode = np.array([_draw(transition[m], rng) for m in modes[-1]])
             noise = [_draw(slot.noise[m], rng) for m in mode]
             chosen = np.arange(self.points) * slot.n + slot.first[mode] + noise
@@ -149,14 +151,14 @@ class Engine:
             states.append(jump(after) if jump else after)
             modes.append(mode)
             cost += spent
-        terminal = self.problem.terminal
+        terminal = self.multistage.terminal
         cost += [terminal.value(x, at) for x, at in zip(states[-1], levels, strict=True)]
         return Paths(np.array(states), levels, np.array(modes[1:]), cost)
 
     def backward(self, states: Floats, levels: Floats) -> Cuts:
         """Cuts for every slot and mode at (slots, points, states); returns those of the whole."""
-        transition = self.problem.transition
-        for t in range(self.problem.slots - 1, 0, -1):
+        transition = self.multistage.transition
+        for t in range(self.multistage.slots - 1, 0, -1):
             found = self.slots[t].expected(states[t], levels)
             self.slots[t - 1].add([cuts.mixed(transition[t]) for cuts in found])
         found = self.slots[0].expected(states[0], levels)
@@ -176,7 +178,7 @@ class Engine:
 
 
 def train(
-    problem: Multistage,
+    multistage: Multistage,
     start: Start,
     probes: Sequence[Begin],
     settings: Settings | None = None,
@@ -184,7 +186,7 @@ def train(
     """Iterates until the bound stalls.
 
     Args:
-        problem: what to learn the future cost of.
+        multistage: what to learn the future cost of.
         start: where paths begin; every path may begin elsewhere.
         probes: beginnings at which the bound is taken, and its mean watched.
         settings: when to stop.
@@ -206,11 +208,11 @@ def train(
             states[row] = np.where(rng.random(len(drawn)) < 0.5, drawn, states[row])
         return states
 
-    with phase("cuts", f"{problem.slots} slots, {sum(map(len, problem.outcomes))} modes"):
-        engine = Engine(problem, points=settings.paths)
+    with phase("cuts", f"{multistage.slots} slots, {sum(map(len, multistage.outcomes))} modes"):
+        engine = Engine(multistage, points=settings.paths)
         states, levels = begin()
         # The first cuts need no policy: going backward, every future is met before it is used.
-        root = engine.backward(np.repeat(states[None], problem.slots, axis=0), levels)
+        root = engine.backward(np.repeat(states[None], multistage.slots, axis=0), levels)
         while len(every) < settings.iterations and not _stalled(bounds, settings):
             paths = engine.forward(begin(), rng, jump)
             every.append(paths)
@@ -223,10 +225,10 @@ def train(
 
 
 def simulated(
-    problem: Multistage, trained: Trained, begin: Begin, n: int, rng: np.random.Generator
+    multistage: Multistage, trained: Trained, begin: Begin, n: int, rng: np.random.Generator
 ) -> Floats:
     """(n,) $: costs of simulated paths of the policy; their mean estimates an upper bound."""
-    engine = Engine(problem, trained.cuts, n)
+    engine = Engine(multistage, trained.cuts, n)
     states, levels = (np.repeat(np.asarray(x)[None], n, axis=0) for x in begin)
     return engine.forward((states, levels), rng).cost
 

@@ -77,11 +77,11 @@ def water_values(
     found = book.cut_set(centre, book.ends(end)[0])
     status = np.isin(book.lines, down)
     levels = book.climate.levels.mean(axis=0)
-    units = book.fleet.grid.case.ess
+    units = book.fleet.microgrid.case.ess
     size, low, high = (np.array([getattr(u, k) for u in units]) for k in _KEYS)
     slopes = [
         [-found.cuts(t, status).slope(size * np.clip(level, low, high), levels) for level in soc]
-        for t in range(found.problem.slots)
+        for t in range(found.multistage.slots)
     ]
     words = f"centre {centre}" if centre >= 0 else "centre unknown"
     return WaterValues(

@@ -29,7 +29,7 @@ def critical_loads(case: Case) -> Bools:
 
 def demand(world: World) -> Floats:
     """(loads, slots, scenarios) MW that loads ask for."""
-    case = world.grid.case
+    case = world.microgrid.case
     every = np.arange(case.slots)
     shape = (len(case.load), case.slots, world.scenarios.n)
     rows = [load.p_max_mw * world.profile(load.profile, every) for load in case.load]
@@ -76,7 +76,7 @@ def measure(world: World, run: Trajectory, asked: Floats) -> Measures:
         run: what happened.
         asked: `demand` of the world.
     """
-    case = world.grid.case
+    case = world.microgrid.case
     # The recourse sheds to within rounding of 0 and of the demand.
     shed = np.clip(run.flow("load.shed"), 0.0, asked)
     critical = critical_loads(case)
@@ -99,5 +99,5 @@ def measure(world: World, run: Trajectory, asked: Floats) -> Measures:
 
 def infrastructure(world: World) -> Trapezoid:
     """The trapezoid of the lines that are up, of those in service without a storm."""
-    up = world.line_up[world.grid.case.network.in_service]
-    return trapezoid(lines_up_ratio(up), world.grid.case.step_h)
+    up = world.line_up[world.microgrid.case.network.in_service]
+    return trapezoid(lines_up_ratio(up), world.microgrid.case.step_h)

@@ -24,7 +24,7 @@ from scipy.special import ndtr
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.fragility.lines.spans import (
-    Lines,
+    SpannedLines,
     WindAtSpans,
     factor_nodes,
     log_standing,
@@ -79,7 +79,7 @@ class Timing:
 RUNNING_MAX = Timing()
 
 
-def accumulated(lines: Lines, score: Floats, z: Floats, timing: Timing) -> Floats:
+def accumulated(lines: SpannedLines, score: Floats, z: Floats, timing: Timing) -> Floats:
     """(lines, slots, k) minus the log of the chance to stand up to and with a slot, given Z (k,).
 
     Args:
@@ -105,7 +105,7 @@ def accumulated(lines: Lines, score: Floats, z: Floats, timing: Timing) -> Float
     return np.cumsum(found, axis=1, out=found)
 
 
-def failed_by(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
+def failed_by(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
     """(lines, slots) probability that a line has failed by the end of a slot, nothing repaired.
 
     Raises:
@@ -119,7 +119,7 @@ def failed_by(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> 
     return found
 
 
-def first_failure(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
+def first_failure(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
     """(lines, slots) probability that a line fails in a slot for the first time.
 
     Raises:
@@ -128,7 +128,7 @@ def first_failure(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX)
     return np.diff(failed_by(lines, wind, timing), axis=1, prepend=0.0)
 
 
-def hazard(lines: Lines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
+def hazard(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
     """(lines, slots) probability that a line fails in a slot, given that it stood until then.
 
     0 where it has surely failed before.

@@ -18,7 +18,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.geography import findings
 from resilience.case.schema import GeographyTable
-from resilience.errors import CaseError, Problem
+from resilience.errors import CaseError, Mistake
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -107,9 +107,9 @@ def _check(case: Case, table: GeographyTable) -> None:
     inline = bool(case.source.get("network", {}).get("bus"))
     found = findings(table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case))
     file = case.file_name
-    problems = [Problem(file, "[geography]", key, *rest) for key, *rest in found]
-    if problems:
-        raise CaseError(problems)
+    mistakes = [Mistake(file, "[geography]", key, *rest) for key, *rest in found]
+    if mistakes:
+        raise CaseError(mistakes)
 
 
 def _grid_bus(case: Case) -> str | None:

@@ -91,7 +91,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class SpannedLines:
     """Lines cut into spans. A line fails when any of its elements does.
 
     Attributes:
@@ -163,7 +163,7 @@ def poles_in_series(
     hardened_by: Mapping[str, float] | None = None,
     correlation: float = 0.3,
     bearing_deg: Floats | None = None,
-) -> Lines:
+) -> SpannedLines:
     """Lines with a pole, and perhaps a conductor that may fail, in every span.
 
     Args:
@@ -172,11 +172,11 @@ def poles_in_series(
         pole: curve of one pole, or a curve per line; `CURVES["pole"]` if omitted.
         conductor: curve of the conductors of one span; they do not fail if omitted.
         hardened_by: lines whose poles and conductors stand speeds so many times as high.
-        correlation: see `Lines`.
-        bearing_deg: see `Lines`.
+        correlation: see `SpannedLines`.
+        bearing_deg: see `SpannedLines`.
 
     Raises:
-        UsageError: a hardened line that does not exist, or as `Lines`.
+        UsageError: a hardened line that does not exist, or as `SpannedLines`.
     """
     poles = [pole or CURVES["pole"]] * len(names) if isinstance(pole, Curve | None) else list(pole)
     factors = dict(hardened_by or {})
@@ -190,7 +190,7 @@ def poles_in_series(
     series = _alike(poles, factor, span_line)
     if conductor is not None:
         series += _alike([conductor] * len(names), factor, span_line)
-    return Lines(tuple(names), span_line, tuple(series), correlation, bearing_deg)
+    return SpannedLines(tuple(names), span_line, tuple(series), correlation, bearing_deg)
 
 
 def _alike(curves: Sequence[Curve], factors: Sequence[float], span_line: Ints) -> list[Series]:
@@ -205,7 +205,7 @@ def _alike(curves: Sequence[Curve], factors: Sequence[float], span_line: Ints) -
     ] or [Series(CURVES["pole"], np.zeros(0))]
 
 
-def span_speed(lines: Lines, wind: WindAtSpans) -> Floats:
+def span_speed(lines: SpannedLines, wind: WindAtSpans) -> Floats:
     """(spans, slots) m/s, the speed that the curves see.
 
     Raises:
@@ -248,7 +248,7 @@ def _direction_mistakes(direction_deg: Floats | None, shape: tuple[int, ...]) ->
     return []
 
 
-def calm(lines: Lines, wind: WindAtSpans, limit_mps: float) -> Bools:
+def calm(lines: SpannedLines, wind: WindAtSpans, limit_mps: float) -> Bools:
     """(lines, slots) True where no span of a line is in a wind above a limit."""
     strongest = wind.strongest_mps if isinstance(wind, SpanWind) else None
     speed = wind.speed_mps if strongest is None else strongest
@@ -268,13 +268,13 @@ def factor_nodes(correlation: float) -> tuple[Floats, Floats]:
     return z, weight / weight.sum()
 
 
-def scores(lines: Lines, speed_mps: Floats) -> Floats:
+def scores(lines: SpannedLines, speed_mps: Floats) -> Floats:
     """(elements, ...) normal quantile of each element's probability at speeds (spans, ...)."""
     parts = [one.curve.score(speed_mps[one.count > 0]) for one in lines.series]
     return np.concatenate(parts)
 
 
-def log_standing(lines: Lines, score: Floats, z: Floats) -> Floats:
+def log_standing(lines: SpannedLines, score: Floats, z: Floats) -> Floats:
     """(lines, k) log of the chance that lines stand, given scores (elements,) and Z (k,).
 
     At correlation 1 Z is everybody's capacity, as a score: the result is 0 or -inf.
@@ -286,14 +286,14 @@ def log_standing(lines: Lines, score: Floats, z: Floats) -> Floats:
     return lines.incidence @ element
 
 
-def worst_score(lines: Lines, score: Floats) -> Floats:
+def worst_score(lines: SpannedLines, score: Floats) -> Floats:
     """(lines, ...) highest score of a line's elements (elements, ...)."""
     found = np.full((len(lines.names), *score.shape[1:]), -np.inf)
     np.maximum.at(found, lines.element_line, score)
     return found
 
 
-def failure_probability(lines: Lines, wind: WindAtSpans) -> Floats:
+def failure_probability(lines: SpannedLines, wind: WindAtSpans) -> Floats:
     """(lines,) probability that a line fails in the storm, one capacity per element and storm.
 
     Raises:
@@ -307,7 +307,9 @@ def failure_probability(lines: Lines, wind: WindAtSpans) -> Floats:
     return found
 
 
-def joint_probability(lines: Lines, wind: WindAtSpans, names: Sequence[str] | None = None) -> float:
+def joint_probability(
+    lines: SpannedLines, wind: WindAtSpans, names: Sequence[str] | None = None
+) -> float:
     """Probability that all of some lines, or all of all, fail in the storm.
 
     Raises:

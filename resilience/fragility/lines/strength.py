@@ -11,10 +11,9 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case.networks.network import did_you_mean
 from resilience.case.reading import show
 from resilience.case.schema import CurveTable, LineTable, StormTable
-from resilience.errors import CaseError, Problem, UsageError
+from resilience.errors import CaseError, Mistake, UsageError
 from resilience.fragility.lines.curves import CURVES, Curve, measure
-from resilience.fragility.lines.spans import Lines, poles_in_series
-from resilience.fragility.outages.repair import Repair
+from resilience.fragility.lines.spans import SpannedLines, poles_in_series
 from resilience.fragility.tracks.fill import RADII
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, ROUGHNESS
 
@@ -31,9 +30,9 @@ def check_names(case: Case) -> None:
         CaseError: names that nothing has, or curves with mistakes; all of them are listed.
     """
     file = case.file_name
-    problems = [Problem(file, *found) for found in _findings(case)]
-    if problems:
-        raise CaseError(problems)
+    mistakes = [Mistake(file, *found) for found in _findings(case)]
+    if mistakes:
+        raise CaseError(mistakes)
 
 
 def cables(case: Case) -> Bools:
@@ -45,7 +44,7 @@ def cables(case: Case) -> Bools:
 
 def lines_of(
     case: Case, names: Sequence[str], span_line: Ints, bearing_deg: Floats | None = None
-) -> Lines:
+) -> SpannedLines:
     """Lines of a case with the strength that the case gives each.
 
     Args:
@@ -67,25 +66,6 @@ def lines_of(
         conductor=curves[table.conductor] if table.conductor else None,
         hardened_by=factors, correlation=table.correlation, bearing_deg=bearing_deg,
     )  # fmt: skip
-
-
-def repair_of(case: Case) -> Repair:
-    """How the lines of a case are mended.
-
-    Raises:
-        CaseError: hours that its law cannot have.
-    """
-    table = (case.storm or StormTable()).repair
-    try:
-        return Repair(
-            law=table.law, hours=table.hours, crews=table.crews,
-            wind_limit_mps=table.wind_limit_mps, priority=table.priority,
-        )  # fmt: skip
-    except UsageError as error:
-        file, found = case.file_name, error.message
-        allowed = "hours of work that the law can have"
-        problem = Problem(file, "[storm.repair]", "hours", found, allowed, error.hint)
-        raise CaseError([problem]) from error
 
 
 def storm_curve(case: Case) -> Curve:

@@ -18,14 +18,14 @@ from scipy.special import log_ndtr
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.lines.damage import Timing, accumulated
-from resilience.fragility.lines.spans import Lines, worst_score
+from resilience.fragility.lines.spans import SpannedLines, worst_score
 
 POINTS = 6
 TABLE_FROM = 100  # scenarios; a table for fewer costs more than it saves
 FLOOR, CEILING = -80.0, 80.0  # of log hazard: e^-80 never happens, e^80 always does
 
 
-class Clock:
+class FailureClock:
     """Failures of lines in one storm; `slots` stands for never.
 
     Args:
@@ -35,13 +35,13 @@ class Clock:
         timing: how slots add up.
     """
 
-    def __init__(self, lines: Lines, score: Floats, z: Floats, timing: Timing) -> None:
+    def __init__(self, lines: SpannedLines, score: Floats, z: Floats, timing: Timing) -> None:
         self.lines, self.score, self.timing, self.z = lines, score, timing, z
         self.slots = score.shape[1]
         # At correlation 0 nothing depends on Z.
         at = z if lines.correlation else np.zeros_like(z)
-        self.grid, step = _grid(at, lines.correlation)
-        place = (at - self.grid[0]) / step
+        self.microgrid, step = _grid(at, lines.correlation)
+        place = (at - self.microgrid[0]) / step
         self.base = np.floor(place).astype(np.intp) - (POINTS // 2 - 1)
         self.weight = _lagrange(place - self.base)
 
@@ -74,7 +74,7 @@ class Clock:
     @cached_property
     def cumulative(self) -> Floats:
         """(lines, slots, nodes) log of the hazard up to and with a slot."""
-        return self._log(accumulated(self.lines, self._audible, self.grid, self.timing))
+        return self._log(accumulated(self.lines, self._audible, self.microgrid, self.timing))
 
     @cached_property
     def _worst(self) -> Floats:
@@ -92,7 +92,7 @@ class Clock:
     def _audible(self) -> Floats:
         """Scores; -inf where an element fails with less than 1e-15 in every storm drawn."""
         rho = self.lines.correlation
-        least = np.sqrt(rho) * self.grid[0] - 8.0 * np.sqrt(1.0 - rho)
+        least = np.sqrt(rho) * self.microgrid[0] - 8.0 * np.sqrt(1.0 - rho)
         return np.where(self.score < least, -np.inf, self.score)
 
     @staticmethod

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.errors import CaseError, Problem, UsageError
+from resilience.errors import CaseError, Mistake, UsageError
 from resilience.fragility.outages.scenarios import COLUMNS, Scenarios, check_suffix
 
 if TYPE_CHECKING:
@@ -77,11 +77,11 @@ def _read_npz(path: Path) -> Scenarios:
 
 
 class _CSV:
-    """One CSV file being read; `problems` gathers its mistakes."""
+    """One CSV file being read; `mistakes` gathers its mistakes."""
 
     def __init__(self, path: Path, case: Case) -> None:
         self.path, self.case = path, case
-        self.problems: list[Problem] = []
+        self.mistakes: list[Mistake] = []
         self.events: list[tuple[int, str, int, int]] = []
         self.weights: dict[int, float] = {}
         self.highest = -1
@@ -99,15 +99,15 @@ class _CSV:
             found = ", ".join(columns) or "no columns"
             hint = "the first row of the file names the columns"
             self.wrong("header", missing[0], found, ", ".join(COLUMNS), hint)
-        elif self.highest < 0 and not self.problems:
+        elif self.highest < 0 and not self.mistakes:
             self.wrong("rows", "", "none", "a row per outage", "0,,, is a scenario without outage")
-        if self.problems:
-            raise CaseError(self.problems)
+        if self.mistakes:
+            raise CaseError(self.mistakes)
         return self.arrays()
 
     def read(self, where: str, row: dict[str, str]) -> None:
         """Takes one row, or says what is wrong with it."""
-        before, slots = len(self.problems), self.case.slots
+        before, slots = len(self.mistakes), self.case.slots
         scenario = self.whole(where, "scenario", row, (0, LIMIT))
         self.weigh(where, scenario, row["weight"])
         if any(row[key] for key in ("line", "first", "stop")):
@@ -117,7 +117,7 @@ class _CSV:
             if not self.case.network.has_line(line):
                 hint = self.case.network.line_hint(line)
                 self.wrong(where, "line", repr(line), "a line of the network", hint)
-            if len(self.problems) == before:
+            if len(self.mistakes) == before:
                 self.events.append((scenario, line, first, stop))
         self.highest = max(self.highest, scenario)
 
@@ -144,7 +144,7 @@ class _CSV:
 
     def wrong(self, where: str, key: str, value: str, allowed: str, hint: str) -> None:
         """Notes a mistake."""
-        self.problems.append(Problem(str(self.path), where, key, value, allowed, hint))
+        self.mistakes.append(Mistake(str(self.path), where, key, value, allowed, hint))
 
     def arrays(self) -> Scenarios:
         """Scenarios of the rows read; weights are divided by their sum."""

@@ -26,8 +26,8 @@ from scipy.special import ndtr, ndtri
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.lines.damage import RUNNING_MAX, Timing
-from resilience.fragility.lines.spans import Lines, WindAtSpans, calm, scores, span_speed
-from resilience.fragility.outages.failure_clock import Clock
+from resilience.fragility.lines.spans import SpannedLines, WindAtSpans, calm, scores, span_speed
+from resilience.fragility.outages.failure_clock import FailureClock
 from resilience.fragility.outages.repair import Repair, repaired
 from resilience.fragility.outages.scenarios import Scenarios
 
@@ -62,7 +62,7 @@ USUAL_REPAIR = Repair()
 
 
 def sample_storms(
-    lines: Lines,
+    lines: SpannedLines,
     winds: WindAtSpans | Sequence[WindAtSpans],
     n: int,
     rng: np.random.Generator | int,
@@ -171,7 +171,7 @@ class _Storms:
 
     def __init__(
         self,
-        lines: Lines,
+        lines: SpannedLines,
         winds: Sequence[WindAtSpans],
         member: Ints,
         z: Floats,
@@ -184,7 +184,7 @@ class _Storms:
             mine = np.flatnonzero(member == k)
             self.place[mine] = np.arange(len(mine))
             score = scores(lines, span_speed(lines, wind))
-            self.clocks.append(Clock(lines, score, z[mine], timing) if len(mine) else None)
+            self.clocks.append(FailureClock(lines, score, z[mine], timing) if len(mine) else None)
         self.slots = score.shape[1]
 
     def fails(self, line: Ints, scenario: Ints, times: Ints, start: int) -> Ints:

@@ -11,7 +11,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints, Times
 from resilience.earth.averaging import AGENCIES, NAMELESS
 from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
-from resilience.errors import Problem
+from resilience.errors import Mistake
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,14 @@ LIMITS: dict[str, Limit] = {
 }
 
 
-def problems(
+def mistakes(
     file: str,
     time: Times,
     fields: dict[str, Floats],
     rows: Ints,
     averaging_s: float | None,
     agency: str = "",
-) -> Iterator[Problem]:
+) -> Iterator[Mistake]:
     """Every mistake of a track.
 
     Args:
@@ -56,7 +56,7 @@ def problems(
     """
     yield from _averaging(file, averaging_s)
     if len(time) < 2:
-        yield Problem(
+        yield Mistake(
             file, "track", "points", str(len(time)), "2 or more", "a storm needs a path to move on"
         )
     yield from _times(file, time, rows)
@@ -66,9 +66,9 @@ def problems(
     yield from _strength(file, fields, rows, averaging_s, agency)
 
 
-def _averaging(file: str, averaging_s: float | None) -> Iterator[Problem]:
+def _averaging(file: str, averaging_s: float | None) -> Iterator[Mistake]:
     if averaging_s not in NAMELESS:
-        yield Problem(
+        yield Mistake(
             file,
             "track",
             "averaging_s",
@@ -79,12 +79,12 @@ def _averaging(file: str, averaging_s: float | None) -> Iterator[Problem]:
         )
 
 
-def _times(file: str, time: Times, rows: Ints) -> Iterator[Problem]:
+def _times(file: str, time: Times, rows: Ints) -> Iterator[Mistake]:
     known = np.flatnonzero(~np.isnat(time))
     for before, after in pairwise(known):
         if time[after] <= time[before]:
             same = time[after] == time[before]
-            yield Problem(
+            yield Mistake(
                 file,
                 f"row {rows[after]}",
                 "time",
@@ -94,12 +94,12 @@ def _times(file: str, time: Times, rows: Ints) -> Iterator[Problem]:
             )
 
 
-def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
     for key, limit in LIMITS.items():
         value = fields[key]
         for k in np.flatnonzero(_outside(key, value)):
             allowed = f"{limit.low:g} to {limit.high:g} {limit.unit}"
-            yield Problem(file, f"row {rows[k]}", key, f"{value[k]:g}", allowed, limit.hint)
+            yield Mistake(file, f"row {rows[k]}", key, f"{value[k]:g}", allowed, limit.hint)
 
 
 def _outside(key: str, value: Floats) -> Bools:
@@ -107,14 +107,14 @@ def _outside(key: str, value: Floats) -> Bools:
     return ~np.isnan(value) & ~((limit.low <= value) & (value <= limit.high))
 
 
-def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
     for key in ("lat", "lon"):
         for k in np.flatnonzero(np.isnan(fields[key])):
-            yield Problem(
+            yield Mistake(
                 file, f"row {rows[k]}", key, "nothing", "a number", "leave out rows without a place"
             )
     if len(rows) and (np.isnan(fields["pressure_hpa"]) & np.isnan(fields["vmax_mps"])).all():
-        yield Problem(
+        yield Mistake(
             file,
             "track",
             "vmax_mps",
@@ -124,7 +124,7 @@ def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]
         )
 
 
-def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Iterator[Problem]:
+def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
     if not len(time):
         return
     start = np.datetime64("2000-01-01", "s")
@@ -132,12 +132,12 @@ def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Ite
     lat, lon = (np.where(_outside(key, fields[key]), np.nan, fields[key]) for key in ("lat", "lon"))
     for leap in leaps(hours, lat, lon):
         row = f"row {rows[leap.point]}"
-        yield Problem(file, row, "lat, lon", leap.found, leap.allowed, leap.hint)
+        yield Mistake(file, row, "lat, lon", leap.found, leap.allowed, leap.hint)
 
 
 def _strength(
     file: str, fields: dict[str, Floats], rows: Ints, averaging_s: float | None, agency: str
-) -> Iterator[Problem]:
+) -> Iterator[Mistake]:
     """Winds in another unit, told by the pressures; one beyond the limit is reported as such."""
     if _outside("vmax_mps", fields["vmax_mps"]).any():
         return
@@ -147,4 +147,4 @@ def _strength(
     )
     if odd is not None:
         found, hint = odd.found(f"row {rows[odd.point]}"), LIMITS["vmax_mps"].hint
-        yield Problem(file, "track", "vmax_mps", found, odd.allowed, hint)
+        yield Mistake(file, "track", "vmax_mps", found, odd.allowed, hint)

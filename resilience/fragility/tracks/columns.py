@@ -17,8 +17,8 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints, Times
 from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
-from resilience.errors import CaseError, Problem
-from resilience.fragility.tracks.checks import problems
+from resilience.errors import CaseError, Mistake
+from resilience.fragility.tracks.checks import mistakes
 from resilience.fragility.tracks.fill import filled
 from resilience.fragility.tracks.track import Track
 
@@ -86,12 +86,12 @@ class About:
     penv_hpa: float | None = None
     rmw: str = "ibtracs"
     rows: Sequence[int] | None = None
-    problems: list[Problem] = field(default_factory=list)
+    mistakes: list[Mistake] = field(default_factory=list)
 
     def wrong(self, row: int | str, key: str, value: object, allowed: str, hint: str) -> None:
         """Notes a mistake."""
         where = f"row {row}" if isinstance(row, int | np.integer) else row
-        self.problems.append(Problem(self.file, where, key, str(value), allowed, hint))
+        self.mistakes.append(Mistake(self.file, where, key, str(value), allowed, hint))
 
 
 def track_of(columns: Mapping[str, Sequence[Any]], **about: Any) -> Track:
@@ -122,17 +122,17 @@ def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
         if key in named:
             fields[target] = scale * _numbers(key, named[key], rows, about)
     about.averaging_s = _averaging(named, rows, about)
-    said = {(found.table, found.key) for found in about.problems}
-    found = problems(about.file, time, fields, rows, about.averaging_s, about.agency)
-    about.problems += [one for one in found if (one.table, one.key) not in said]
-    if about.problems:
-        raise CaseError(sorted(about.problems, key=_row))
+    said = {(found.table, found.key) for found in about.mistakes}
+    found = mistakes(about.file, time, fields, rows, about.averaging_s, about.agency)
+    about.mistakes += [one for one in found if (one.table, one.key) not in said]
+    if about.mistakes:
+        raise CaseError(sorted(about.mistakes, key=_row))
     return _finished(time, fields, about)
 
 
-def _row(problem: Problem) -> int:
+def _row(mistake: Mistake) -> int:
     """Order of mistakes: those of the whole file, then row by row."""
-    _, _, row = problem.table.partition("row ")
+    _, _, row = mistake.table.partition("row ")
     return int(row) if row.isdigit() else 0
 
 
@@ -187,7 +187,7 @@ def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequ
         )
         missing.append("length")
     if missing:
-        raise CaseError(about.problems)
+        raise CaseError(about.mistakes)
     return found
 
 

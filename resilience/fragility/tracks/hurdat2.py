@@ -77,8 +77,8 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
         found["pressure_hpa"].append(parts[7])
         found["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
     about.rows = numbers
-    if not numbers and about.problems:
-        raise CaseError(about.problems)
+    if not numbers and about.mistakes:
+        raise CaseError(about.mistakes)
     return found
 
 

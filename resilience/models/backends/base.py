@@ -80,16 +80,16 @@ def leaf_rows(states: Ints, future: int, beta: Floats) -> tuple[Ints, Floats]:
 class LeafCuts:
     """Cuts that came after the problem was built, per leaf: (future, states, alpha, beta)."""
 
-    problem: Standard
+    standard: Standard
     cuts: list[tuple[int, Ints, Floats, Floats]] = field(default_factory=list)
 
     def add(self, node: int, alpha: Floats, beta: Floats) -> tuple[Ints, Floats]:
         """Notes cuts as `Backend.add_cuts` takes them; returns their `leaf_rows`."""
-        problem, leaves = self.problem, self.problem.tree.leaves
+        standard, leaves = self.standard, self.standard.tree.leaves
         if node not in leaves:
             raise ValueError(f"node {node} has children; cuts belong to leaves: {leaves.tolist()}")
-        future = int(problem.future[np.searchsorted(leaves, node)])
-        states = problem.state_columns(node)
+        future = int(standard.future[np.searchsorted(leaves, node)])
+        states = standard.state_columns(node)
         self.cuts.append((future, states, np.asarray(alpha, float), np.asarray(beta, float)))
         return leaf_rows(states, future, beta)
 
@@ -102,7 +102,7 @@ class LeafCuts:
         if not self.cuts:
             return vectors
         lower, upper = vectors.lower.copy(), vectors.upper.copy()
-        if not self.problem.cuts:
+        if not self.standard.cuts:
             at = [future for future, *_ in self.cuts]
             lower[at] = upper[at] = -np.inf
         for future, states, alpha, beta in self.cuts:

@@ -33,15 +33,15 @@ class Bonmin(NLP):
         settings: dict[str, Any] = {"algorithm": ALGORITHM, "print_level": 0, "bb_log_level": 0}
         if np.isfinite(self.time_limit):
             settings["time_limit"] = self.time_limit
-        discrete = self.problem.integer[free].tolist()
+        discrete = self.standard.integer[free].tolist()
         return {"bonmin": settings, "discrete": discrete, "print_time": False}
 
 
-def solve_apart(problem: Standard, vectors: Vectors, time_limit: float) -> Solution:
+def solve_apart(standard: Standard, vectors: Vectors, time_limit: float) -> Solution:
     """Bonmin's answer, or nothing where it crashed or took longer than `time_limit` seconds."""
     with tempfile.TemporaryDirectory() as folder:
         asked, given = Path(folder) / "asked", Path(folder) / "given"
-        asked.write_bytes(pickle.dumps((problem, vectors, time_limit)))
+        asked.write_bytes(pickle.dumps((standard, vectors, time_limit)))
         module = "resilience.models.backends.bonmin"
         command = [sys.executable, "-m", module, str(asked), str(given)]
         try:
@@ -52,8 +52,8 @@ def solve_apart(problem: Standard, vectors: Vectors, time_limit: float) -> Solut
 
 
 def _main(asked: str, given: str) -> None:
-    problem, vectors, time_limit = pickle.loads(Path(asked).read_bytes())
-    solver = Bonmin(problem, time_limit=time_limit)
+    standard, vectors, time_limit = pickle.loads(Path(asked).read_bytes())
+    solver = Bonmin(standard, time_limit=time_limit)
     solver.update(vectors)
     Path(given).write_bytes(pickle.dumps(solver.solve()))
 

@@ -38,11 +38,11 @@ class NLP:
     plugin = "ipopt"
 
     def __init__(
-        self, problem: Standard, *, time_limit: float = np.inf, penalty: float = 0.0
+        self, standard: Standard, *, time_limit: float = np.inf, penalty: float = 0.0
     ) -> None:
-        self.problem, self.time_limit, self.penalty = problem, time_limit, penalty
+        self.standard, self.time_limit, self.penalty = standard, time_limit, penalty
         self.start: Floats | None = None
-        self._cuts = LeafCuts(problem)
+        self._cuts = LeafCuts(standard)
         self._cut_rows: list[tuple[Ints, Floats, Floats]] = []
 
     def update(self, vectors: Vectors) -> None:
@@ -62,24 +62,24 @@ class NLP:
         """Solves to a local optimum; 'none' where Ipopt found no feasible point."""
         import casadi as ca
 
-        v, problem = self._cuts.opened(self.vectors), self.problem
+        v, standard = self._cuts.opened(self.vectors), self.standard
         live = v.lower < v.upper
         point = np.where(live, 0.0, v.lower)
-        if crossed(v) or _broken(problem, v, point, live):
+        if crossed(v) or _broken(standard, v, point, live):
             return INFEASIBLE
         free = np.flatnonzero(live)
-        x, now = ca.SX.sym("x", len(free)), ca.SX.sym("now", problem.n_states)
+        x, now = ca.SX.sym("x", len(free)), ca.SX.sym("now", standard.n_states)
         z = ca.SX(point)
-        z[: problem.n_states] = now
+        z[: standard.n_states] = now
         z[free.tolist()] = x
         rows, low, high = self._constraints(ca, z, v, point, live)
-        cost = ca.dot(ca.DM(v.cost + self.penalty * problem.penalty), z)
+        cost = ca.dot(ca.DM(v.cost + self.penalty * standard.penalty), z)
         nlp = {"x": x, "p": now, "f": cost, "g": ca.vertcat(*rows)}
         solver = ca.nlpsol("polish", self.plugin, nlp, self._options(free))
         middle = np.clip(0.0, v.lower, v.upper) if self.start is None else self.start
         answer = solver(
             x0=middle[free],
-            p=point[: problem.n_states],
+            p=point[: standard.n_states],
             lbx=v.lower[free],
             ubx=v.upper[free],
             lbg=np.concatenate(low),
@@ -111,15 +111,15 @@ class NLP:
     def _constraints(
         self, ca: Any, z: Any, v: Vectors, point: Floats, live: Bools
     ) -> tuple[list[Any], list[Floats], list[Floats]]:
-        problem = self.problem
-        keep = np.flatnonzero(_moving(problem.a, live))
-        rows = [_times(ca, problem.a[keep], z)]
+        standard = self.standard
+        keep = np.flatnonzero(_moving(standard.a, live))
+        rows = [_times(ca, standard.a[keep], z)]
         low, high = [v.row_lower[keep]], [v.row_upper[keep]]
         for columns, values, rhs in self._cut_rows:
             rows.append(ca.mtimes(ca.DM(values), z[columns.tolist()]))
             low.append(np.full(len(rhs), -np.inf))
             high.append(rhs)
-        for structure in problem.structures:
+        for structure in standard.structures:
             if structure.kind not in ("cone", "disc"):
                 continue
             at = np.flatnonzero(_alive(structure, point, live))
@@ -151,10 +151,10 @@ def _alive(structure: Unrolled, point: Floats, live: Bools) -> Bools:
     return np.any(moving, axis=0)
 
 
-def _broken(problem: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
+def _broken(standard: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
     """Whether what is fixed breaks a row or a structure all by itself."""
-    found = [row_violations(problem, point, v)[~_moving(problem.a, live)]]
-    for structure in problem.structures:
+    found = [row_violations(standard, point, v)[~_moving(standard.a, live)]]
+    for structure in standard.structures:
         if structure.kind in ("cone", "disc"):
             at = ~_alive(structure, point, live)
             found.append(structure_violations(structure, point)[at])

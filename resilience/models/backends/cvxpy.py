@@ -40,11 +40,11 @@ class Conic:
     exact = frozenset({"affine", "disc", "largest"})
 
     def __init__(
-        self, problem: Standard, *, penalty: float = 0.0, elastic: float | None = None
+        self, standard: Standard, *, penalty: float = 0.0, elastic: float | None = None
     ) -> None:
-        self.problem, self.penalty, self.elastic = problem, penalty, elastic
-        self._cuts = LeafCuts(problem)
-        self._rows = sp.csr_array((0, problem.n_columns)), np.empty(0)
+        self.standard, self.penalty, self.elastic = standard, penalty, elastic
+        self._cuts = LeafCuts(standard)
+        self._rows = sp.csr_array((0, standard.n_columns)), np.empty(0)
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers."""
@@ -58,7 +58,7 @@ class Conic:
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
         """See `Backend.add_cuts`."""
         columns, values = self._cuts.add(node, alpha, beta)
-        g = sp.lil_array((len(values), self.problem.n_columns))
+        g = sp.lil_array((len(values), self.standard.n_columns))
         g[:, columns] = values
         self.add_rows(g.tocsr(), -np.asarray(alpha))
 
@@ -67,7 +67,7 @@ class Conic:
         (g, h), v = self._rows, self._cuts.opened(self.vectors)
         low = np.append(v.row_lower, np.full(len(h), -np.inf))
         whole = Vectors(v.cost, v.offset, v.lower, v.upper, low, np.append(v.row_upper, h))
-        return sp.vstack([self.problem.a, g], format="csr"), whole
+        return sp.vstack([self.standard.a, g], format="csr"), whole
 
     def solve(self) -> Solution:
         """Solves the relaxation."""
@@ -79,7 +79,7 @@ class Conic:
         held = np.where(v.lower < v.upper, 0.0, v.lower)
         x = cp.Variable(len(free))
         constraints, slack = self._constraints(x, free, held)
-        objective = (v.cost + self.penalty * self.problem.penalty)[free] @ x
+        objective = (v.cost + self.penalty * self.standard.penalty)[free] @ x
         if slack is not None:
             objective = self.elastic * cp.norm1(slack)
         program = cp.Problem(cp.Minimize(objective), constraints)
@@ -115,7 +115,7 @@ class Conic:
             x >= v.lower[free],
             x <= v.upper[free],
         ]
-        for structure in self.problem.structures:
+        for structure in self.standard.structures:
             if structure.kind not in ("cone", "disc"):
                 continue
             matrices, consts = cone_rows(structure)
@@ -129,12 +129,12 @@ class Conic:
     def _solution(
         self, a: sp.csr_array, v: Vectors, z: Floats, constraints: list[Any], done: bool
     ) -> Solution:
-        problem = self.problem
+        standard = self.standard
         equal = np.isfinite(v.row_lower)
         rows = np.zeros(len(equal))
         rows[equal], rows[~equal] = (c.dual_value for c in constraints[:2])
         cones: dict[int, Floats] = {}
-        kinds = [k for k, s in enumerate(problem.structures) if s.kind in ("cone", "disc")]
+        kinds = [k for k, s in enumerate(standard.structures) if s.kind in ("cone", "disc")]
         for k, constraint in zip(kinds, constraints[4:], strict=True):
             t, xs = constraint.dual_value
             cones[k] = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
@@ -142,9 +142,9 @@ class Conic:
         status: Status = "optimal" if done else "feasible"
         if self.penalty or self.elastic is not None:
             return Solution(status, z, value, -np.inf, Duals(rows, cones))
-        slope, offset = cone_share(problem, cones)
+        slope, offset = cone_share(standard, cones)
         bound = safe_bound(a, v, v.row_lower, v.row_upper, rows, slope, offset)
-        start = (v.cost + a.T @ rows - slope)[: problem.n_states]
+        start = (v.cost + a.T @ rows - slope)[: standard.n_states]
         return Solution(status, z, value, bound, Duals(rows, cones), start)
 
     def conflict(self, most: int = 12) -> list[str]:
@@ -155,11 +155,11 @@ class Conic:
         if crossed(self.vectors):
             beyond = np.argsort(self.vectors.upper - self.vectors.lower)[:most]
             at = [int(j) for j in beyond if self.vectors.lower[j] > self.vectors.upper[j]]
-            return [f"bounds of {self.problem.column_name(j)}" for j in at]
-        trial = Conic(self.problem, elastic=1.0)
+            return [f"bounds of {self.standard.column_name(j)}" for j in at]
+        trial = Conic(self.standard, elastic=1.0)
         trial.update(self.vectors)
         if trial.solve().z is None or trial.slack is None:
             return []
         missed = np.abs(trial.slack)
         worst = np.argsort(-missed)[:most]
-        return [self.problem.row_name(int(i)) for i in worst if missed[i] > 1e-6]
+        return [self.standard.row_name(int(i)) for i in worst if missed[i] > 1e-6]

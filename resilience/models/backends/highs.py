@@ -48,7 +48,7 @@ class Highs:
 
     def __init__(
         self,
-        problem: Standard | Lowered,
+        standard: Standard | Lowered,
         *,
         time_limit: float = np.inf,
         gap: float = 1e-4,
@@ -56,12 +56,12 @@ class Highs:
         threads: int = 0,
         duals: bool = True,
     ) -> None:
-        self.lowered = problem if isinstance(problem, Lowered) else lower(problem)
-        self.problem = self.lowered.problem
+        self.lowered = standard if isinstance(standard, Lowered) else lower(standard)
+        self.standard = self.lowered.standard
         self.time_limit, self.duals = time_limit, duals
         self._extra = rows
         self._sent: Vectors | None = None
-        self._late = LeafCuts(self.problem)
+        self._late = LeafCuts(self.standard)
         self._warm = False
         self.is_mip = bool(self.lowered.integer.any())
         self.model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
@@ -147,7 +147,7 @@ class Highs:
 
     def _turn(self, v: Vectors) -> None:
         """Polygons from within the discs to around them, or back."""
-        at = np.arange(self.problem.n_rows, len(v.row_upper), dtype=np.int32)
+        at = np.arange(self.standard.n_rows, len(v.row_upper), dtype=np.int32)
         self.model.changeRowsBounds(len(at), at, v.row_lower[at], v.row_upper[at])
         self._discs = self.lowered.discs
 
@@ -177,7 +177,7 @@ class Highs:
 
     def start_from(self, z: Floats) -> None:
         """Hands a MIP a first point, in the problem's own columns."""
-        at = np.flatnonzero(self.problem.integer).astype(np.int32)
+        at = np.flatnonzero(self.standard.integer).astype(np.int32)
         self.model.setSolution(len(at), at, np.round(z[at]))
 
     def solve(self) -> Solution:
@@ -196,7 +196,7 @@ class Highs:
         if info.primal_solution_status != 2:
             return replace(NOTHING, bound=info.mip_dual_bound if self.is_mip else -np.inf)
         found = self.model.getSolution()
-        z = _array(found.col_value)[: self.problem.n_columns]
+        z = _array(found.col_value)[: self.standard.n_columns]
         done = status == STATUS.kOptimal
         if self.is_mip:
             value = info.objective_function_value
@@ -217,7 +217,7 @@ class Highs:
         if not self.duals:
             return Solution(kind, z, value, bound)
         prices = _array(found.col_dual)
-        start = prices[: self.problem.n_states]
+        start = prices[: self.standard.n_states]
         return Solution(kind, z, value, bound, Duals(-_array(found.row_dual)), start)
 
     def certified_bound(self, solution: Solution) -> float:
@@ -233,11 +233,11 @@ class Highs:
         self.model.setOptionValue("iis_strategy", 2)
         self.model.setOptionValue("iis_time_limit", EXPLAIN_S)
         _, iis = self.model.getIis()
-        n = self.problem.n_rows
-        rows = [self.problem.row_name(i) for i in iis.row_index_ if i < n]
+        n = self.standard.n_rows
+        rows = [self.standard.row_name(i) for i in iis.row_index_ if i < n]
         others = [i for i in iis.row_index_ if i >= n]
-        columns = [j for j in iis.col_index_ if j < self.problem.n_columns]
-        bounds = [f"bounds of {self.problem.column_name(j)}" for j in columns]
+        columns = [j for j in iis.col_index_ if j < self.standard.n_columns]
+        bounds = [f"bounds of {self.standard.column_name(j)}" for j in columns]
         return rows + ([f"{len(others)} rating or mode rows"] if others else []) + bounds
 
     def missed(self, rows: Ints, most: int = 12) -> list[str]:
@@ -247,12 +247,12 @@ class Highs:
         self.model.setOptionValue("time_limit", self.model.getRunTime() + EXPLAIN_S)
         self.model.setOptionValue("mip_rel_gap", 0.5)
         self.model.feasibilityRelaxation(-1.0, -1.0, 1.0, None, None, penalty)
-        z = _array(self.model.getSolution().col_value)[: self.problem.n_columns]
-        if self._sent is None or len(z) < self.problem.n_columns:
+        z = _array(self.model.getSolution().col_value)[: self.standard.n_columns]
+        if self._sent is None or len(z) < self.standard.n_columns:
             return []
-        off = row_violations(self.problem, z, self._sent)[rows]
+        off = row_violations(self.standard, z, self._sent)[rows]
         worst = [i for i in np.argsort(-off)[:most] if off[i] > 1e-6]
-        return [self.problem.row_name(int(rows[i])) for i in sorted(worst)]
+        return [self.standard.row_name(int(rows[i])) for i in sorted(worst)]
 
 
 def _differ(new: Floats, old: Floats, *more: Floats) -> NDArray[np.int32]:

@@ -29,7 +29,7 @@ class Lowered:
     Rows behind the problem's own, and binaries behind its columns, have constant bounds.
     """
 
-    problem: Standard
+    standard: Standard
     a: sp.csr_array
     integer: Bools
     rhs: Floats
@@ -79,7 +79,7 @@ class _Rows:
 
 
 def lower(
-    problem: Standard,
+    standard: Standard,
     *,
     integer: Bools | None = None,
     exact: dict[int, Bools] | None = None,
@@ -88,17 +88,17 @@ def lower(
     """See the module's docstring.
 
     Args:
-        problem: what to rewrite.
+        standard: what to rewrite.
         integer: (columns,) columns to hold integer; all of the problem's own if omitted.
         exact: for the index of each split or adjacent structure, which elements (n,) get
             binaries; all elements of all of them if omitted.
         discs: polygon within the disc or around it.
     """
     if exact is None:
-        exact = {k: np.ones(s.n, bool) for k, s in enumerate(problem.structures)}
-    rows = _Rows(problem.n_columns, [problem.a.copy()], [], [])
+        exact = {k: np.ones(s.n, bool) for k, s in enumerate(standard.structures)}
+    rows = _Rows(standard.n_columns, [standard.a.copy()], [], [])
     polygons = [(np.empty(0, np.intp), np.empty(0))]
-    for k, structure in enumerate(problem.structures):
+    for k, structure in enumerate(standard.structures):
         if structure.kind == "disc":
             polygons.append(_polygon(rows, structure))
         elif structure.kind in ("split", "adjacent"):
@@ -106,10 +106,10 @@ def lower(
             if len(chosen):
                 (_sides if structure.kind == "split" else _neighbours)(rows, structure, chosen)
     whole = np.zeros(rows.n, bool)
-    whole[: problem.n_columns] = problem.integer if integer is None else integer
-    whole[problem.n_columns :] = True
+    whole[: standard.n_columns] = standard.integer if integer is None else integer
+    whole[standard.n_columns :] = True
     return Lowered(
-        problem=problem,
+        standard=standard,
         a=rows.matrix(),
         integer=whole,
         rhs=np.concatenate([np.empty(0), *rows.rhs]),
@@ -161,14 +161,14 @@ def _polygon(rows: _Rows, disc: Unrolled) -> tuple[Ints, Floats]:
     return rows.add(block, np.tile(disc.limits[0], len(angle))), shift.ravel()
 
 
-def tangents(problem: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:
+def tangents(standard: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:
     """Rows G z <= h that every cone u v >= sum(x^2) satisfies, touching it nearest to z.
 
     |(2 x, u - v)| <= u + v is linearised at z; elements that hold with room to spare
     (u v - sum x^2 > tolerance times its scale) are left out.
     """
-    blocks, sides = [sp.csr_array((0, problem.n_columns))], [np.empty(0)]
-    for cone in problem.structures:
+    blocks, sides = [sp.csr_array((0, standard.n_columns))], [np.empty(0)]
+    for cone in standard.structures:
         if cone.kind != "cone":
             continue
         u, v, *xs = cone.values(z)

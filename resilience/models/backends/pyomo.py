@@ -35,17 +35,17 @@ class Pyomo:
 
     def __init__(
         self,
-        problem: Standard | Lowered,
+        standard: Standard | Lowered,
         *,
         solver: Literal["highs", "scip"] = "highs",
         cones: Cones = "equal",
         time_limit: float = np.inf,
         gap: float = 1e-6,
     ) -> None:
-        self.lowered = problem if isinstance(problem, Lowered) else lower(problem)
-        self.problem, self.solver, self.cones = self.lowered.problem, solver, cones
+        self.lowered = standard if isinstance(standard, Lowered) else lower(standard)
+        self.standard, self.solver, self.cones = self.lowered.standard, solver, cones
         self.time_limit, self.gap = time_limit, gap
-        if solver == "highs" and any(s.kind == "cone" for s in self.problem.structures):
+        if solver == "highs" and any(s.kind == "cone" for s in self.standard.structures):
             raise UsageError(
                 "pyomo with HiGHS cannot hold the cones of distflow; allowed: lindistflow, "
                 "copperplate",
@@ -53,7 +53,7 @@ class Pyomo:
             )
         if solver == "highs":
             self.exact = self.exact - {"cone", "disc"}
-        self.late = LeafCuts(self.problem)
+        self.late = LeafCuts(self.standard)
         self.model: Any = None
         self._sent: Vectors | None = None
         self._persistent: Any = None
@@ -84,7 +84,7 @@ class Pyomo:
         self.model = model = pyo.ConcreteModel("resilience")
         self._vars = self._columns(pyo)
         quadratic = self.solver == "scip"
-        drop = set(len(self.problem.a.indptr) - 1 + self.lowered.disc_rows) if quadratic else set()
+        drop = set(len(self.standard.a.indptr) - 1 + self.lowered.disc_rows) if quadratic else set()
         rows = [i for i in range(self.lowered.a.shape[0]) if i not in drop]
         self._kept = {i: j for j, i in enumerate(rows)}
         model.rhs = pyo.Param(range(len(self._kept)), mutable=True, initialize=0.0)
@@ -99,35 +99,35 @@ class Pyomo:
 
     def _price_able(self, v: Vectors) -> list[int]:
         found = set(np.flatnonzero(v.cost).tolist())
-        for form, table in zip(self.problem.forms, self.problem.tables, strict=True):
+        for form, table in zip(self.standard.forms, self.standard.tables, strict=True):
             for term in form.costs:
                 where = np.flatnonzero(np.diff(term.columns_data.indptr))
                 found |= set(table[:, where].ravel().tolist())
         return sorted(found)
 
     def _columns(self, pyo: Any) -> list[Any]:
-        problem, model, slots = self.problem, self.model, list(self.problem.tree.labels)
+        standard, model, slots = self.standard, self.model, list(self.standard.tree.labels)
         found: list[Any] = [None] * self.lowered.a.shape[1]
-        for name, at in problem.initial.items():
-            var = pyo.Var(list(problem.labels(name)), domain=pyo.Reals)
+        for name, at in standard.initial.items():
+            var = pyo.Var(list(standard.labels(name)), domain=pyo.Reals)
             model.add_component(_plain(name) + "_start", var)
-            for label, j in zip(problem.labels(name), at, strict=True):
+            for label, j in zip(standard.labels(name), at, strict=True):
                 found[j] = var[label]
-        model.future = pyo.Var(range(len(problem.future)), domain=pyo.Reals)
-        for k, j in enumerate(problem.future):
+        model.future = pyo.Var(range(len(standard.future)), domain=pyo.Reals)
+        for k, j in enumerate(standard.future):
             found[j] = model.future[k]
-        for name in problem.names:
-            index = problem.columns(name)
+        for name in standard.names:
+            index = standard.columns(name)
             domain = pyo.Reals
-            if problem.integer[index].any():
-                binary = problem.forms[0].block(name).kind == "binary"
+            if standard.integer[index].any():
+                binary = standard.forms[0].block(name).kind == "binary"
                 domain = pyo.Binary if binary else pyo.Integers
-            var = pyo.Var(list(problem.labels(name)), slots, domain=domain)
+            var = pyo.Var(list(standard.labels(name)), slots, domain=domain)
             model.add_component(_plain(name), var)
-            for label, row in zip(problem.labels(name), index, strict=True):
+            for label, row in zip(standard.labels(name), index, strict=True):
                 for slot, j in zip(slots, row, strict=True):
                     found[j] = var[label, slot]
-        added = range(problem.n_columns, len(found))
+        added = range(standard.n_columns, len(found))
         model.mode = pyo.Var(added, domain=pyo.Binary)
         for j in added:
             found[j] = model.mode[j]
@@ -137,8 +137,8 @@ class Pyomo:
         from pyomo.core.expr import LinearExpression
 
         a, model = self.lowered.a.tocsr(), self.model
-        equality = np.concatenate([self.problem.equality, self.lowered.equality])
-        ranged = set((self.problem.n_rows + self.lowered.disc_rows).tolist())
+        equality = np.concatenate([self.standard.equality, self.lowered.equality])
+        ranged = set((self.standard.n_rows + self.lowered.disc_rows).tolist())
         blocks: dict[str, dict[str, Any]] = {}
         for i, j in self._kept.items():
             at = slice(a.indptr[i], a.indptr[i + 1])
@@ -157,11 +157,11 @@ class Pyomo:
             model.add_component("row_" + _plain(name), rows)
 
     def _row_name(self, i: int) -> str:
-        n = self.problem.n_rows
-        return self.problem.row_name(i) if i < n else f"lowered[{i - n}]"
+        n = self.standard.n_rows
+        return self.standard.row_name(i) if i < n else f"lowered[{i - n}]"
 
     def _quadratics(self, pyo: Any) -> None:
-        for k, structure in enumerate(self.problem.structures):
+        for k, structure in enumerate(self.standard.structures):
             if structure.kind not in ("cone", "disc"):
                 continue
             rows = pyo.ConstraintList()
@@ -267,7 +267,7 @@ class Pyomo:
         return self._read(done, answer.objective_bound)
 
     def _read(self, done: bool, bound: float | None) -> Solution:
-        n = self.problem.n_columns
+        n = self.standard.n_columns
         z = np.array([0.0 if x.value is None else x.value for x in self._vars[:n]])
         v = self.vectors
         value = float(v.cost @ z + v.offset)

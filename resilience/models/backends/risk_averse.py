@@ -26,10 +26,10 @@ class RiskAverse(Highs):
     eta and u stand behind the problem's own, the scenario-cost rows behind its rows.
     """
 
-    def __init__(self, problem: Standard | Lowered, risk: Risk, **options: Any) -> None:
-        super().__init__(problem, **options)
+    def __init__(self, standard: Standard | Lowered, risk: Risk, **options: Any) -> None:
+        super().__init__(standard, **options)
         self.risk = risk
-        tree = self.problem.tree
+        tree = self.standard.tree
         self._paths, self._chance = paths(tree), tree.probability[tree.leaves]
         self._sent_prices: sp.csr_array | None = None
 
@@ -41,7 +41,7 @@ class RiskAverse(Highs):
             left: (leaves, columns) $ that each leaf costs beyond its nodes: less the worth of what
                 is left at its end.
         """
-        prices, offset = node_prices(self.problem, data)
+        prices, offset = node_prices(self.standard, data)
         whole = self._paths @ prices
         self._prices = sp.csr_array(whole if left is None else whole + left)
         self._offsets = self._paths @ offset

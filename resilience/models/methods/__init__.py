@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from resilience.models.case_program import Problem
-from resilience.models.methods.answer import Answer, Options
+from resilience.models.case_program import CaseProgram
+from resilience.models.methods.answer import MethodOptions, MethodResult
 from resilience.models.methods.conic import nlp, socp
 from resilience.models.methods.exact import exact
 from resilience.models.methods.linear import lp, milp
 from resilience.models.methods.minlp import minlp
 from resilience.models.microgrid import Physics
 
-Method = Callable[[Problem, Options], Answer]
+Method = Callable[[CaseProgram, MethodOptions], MethodResult]
 
 METHODS: dict[str, tuple[Method, Physics]] = {
     "lp": (lp, "lindistflow"),
@@ -24,4 +24,4 @@ METHODS: dict[str, tuple[Method, Physics]] = {
 }
 """Each method with its default physics."""
 
-__all__ = ["METHODS", "Answer", "Method", "Options"]
+__all__ = ["METHODS", "Method", "MethodOptions", "MethodResult"]

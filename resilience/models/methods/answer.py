@@ -9,7 +9,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.program.referee import structure_violations
 from resilience.models.program.standard import Standard, Vectors
 
@@ -18,7 +18,7 @@ LATE = "the time limit ended the search; this is the best plan found"
 
 
 @dataclass(frozen=True)
-class Options:
+class MethodOptions:
     """How long a method may take (s) and at which relative gap it may stop."""
 
     time_limit: float = 60.0
@@ -26,7 +26,7 @@ class Options:
 
 
 @dataclass
-class Answer:
+class MethodResult:
     """A plan in numbers.
 
     Attributes:
@@ -48,7 +48,9 @@ class Answer:
     notes: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(cls, problem: Problem, found: Solution, bound: float, notes: list[str]) -> Answer:
+    def of(
+        cls, program: CaseProgram, found: Solution, bound: float, notes: list[str]
+    ) -> MethodResult:
         """The answer that is the point of `found`, tested for what it leaves relaxed.
 
         A bound that solver tolerances put a hair above the objective is lowered to it.
@@ -60,14 +62,14 @@ class Answer:
             z=found.point,
             objective=found.objective,
             bound=bound,
-            bound_of=problem.grid.physics,
-            relaxed=remains(problem.standard, found.point),
+            bound_of=program.microgrid.physics,
+            relaxed=remains(program.standard, found.point),
             notes=notes,
         )
 
 
 @dataclass
-class Clock:
+class Deadline:
     """How much of a time limit, in seconds, is spent and left."""
 
     limit: float
@@ -84,10 +86,10 @@ class Clock:
         return max(self.limit - self.spent, 0.0)
 
 
-def violated(problem: Standard, z: Floats) -> dict[int, Bools]:
+def violated(standard: Standard, z: Floats) -> dict[int, Bools]:
     """For each split and adjacent structure, the elements (n,) that z breaks."""
     found = {}
-    for k, structure in enumerate(problem.structures):
+    for k, structure in enumerate(standard.structures):
         if structure.kind in ("split", "adjacent"):
             broken = structure_violations(structure, z) > CLOSED
             if broken.any():
@@ -95,55 +97,55 @@ def violated(problem: Standard, z: Floats) -> dict[int, Bools]:
     return found
 
 
-def gaps(problem: Standard, z: Floats, kind: str) -> dict[str, Floats]:
+def gaps(standard: Standard, z: Floats, kind: str) -> dict[str, Floats]:
     """For each structure of a kind, by how much its elements (n,) fail to hold, scaled."""
-    return {s.name: structure_violations(s, z) for s in problem.structures if s.kind == kind}
+    return {s.name: structure_violations(s, z) for s in standard.structures if s.kind == kind}
 
 
-def widest(problem: Standard, z: Floats, kind: str = "cone") -> float:
+def widest(standard: Standard, z: Floats, kind: str = "cone") -> float:
     """The largest of all `gaps`; 0 without structures of that kind."""
-    found = gaps(problem, z, kind).values()
+    found = gaps(standard, z, kind).values()
     return max((float(gap.max(initial=0.0)) for gap in found), default=0.0)
 
 
-def fractional(problem: Standard, z: Floats) -> Bools:
+def fractional(standard: Standard, z: Floats) -> Bools:
     """(columns,) integer columns whose value is none."""
-    return problem.integer & (np.abs(z - np.round(z)) > CLOSED)
+    return standard.integer & (np.abs(z - np.round(z)) > CLOSED)
 
 
-def remains(problem: Standard, z: Floats) -> list[str]:
+def remains(standard: Standard, z: Floats) -> list[str]:
     """In words, which relaxed facts z breaks; empty if it satisfies the whole model."""
     found = []
-    for k, broken in violated(problem, z).items():
-        s = problem.structures[k]
+    for k, broken in violated(standard, z).items():
+        s = standard.structures[k]
         found.append(f"{s.name}: {broken.sum()} of {s.n} mode elements are in two modes at once")
     for kind, how in (("cone", "cones open"), ("disc", "ratings exceeded")):
-        for name, wide in gaps(problem, z, kind).items():
+        for name, wide in gaps(standard, z, kind).items():
             count = (wide > CLOSED).sum()
             if count:
                 found.append(f"{name}: {count} of {len(wide)} {how}, by {wide.max():.2g} at most")
-    loose = fractional(problem, z)
+    loose = fractional(standard, z)
     if loose.any():
-        found.append(f"integrality: {loose.sum()} of {problem.integer.sum()} integers fractional")
+        found.append(f"integrality: {loose.sum()} of {standard.integer.sum()} integers fractional")
     return found
 
 
-def rounded(problem: Problem, z: Floats) -> Vectors:
+def rounded(program: CaseProgram, z: Floats) -> Vectors:
     """Vectors in which every integer column is held at its value in z."""
-    at = np.flatnonzero(problem.standard.integer)
-    return problem.vectors.fixed(at, np.round(z[at]))
+    at = np.flatnonzero(program.standard.integer)
+    return program.vectors.fixed(at, np.round(z[at]))
 
 
-def sides(problem: Standard, z: Floats, elements: dict[int, Bools]) -> tuple[Ints, Floats]:
+def sides(standard: Standard, z: Floats, elements: dict[int, Bools]) -> tuple[Ints, Floats]:
     """Columns to hold at zero so that these elements keep to the mode in which z nearly is.
 
     Of a split that is its larger side, of a curve the two neighbours of greatest weight.
     """
     columns = [np.empty(0, np.intp)]
     for k, chosen in elements.items():
-        at = problem.structures[k].columns[:, chosen]
+        at = standard.structures[k].columns[:, chosen]
         weights = z[at]
-        if problem.structures[k].kind == "split":
+        if standard.structures[k].kind == "split":
             columns.append(np.where(weights[0] >= weights[1], at[1], at[0]))
         else:
             first = np.argmax(weights[:-1] + weights[1:], axis=0)

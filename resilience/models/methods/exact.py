@@ -12,13 +12,13 @@ from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
     CLOSED,
     LATE,
-    Answer,
-    Clock,
-    Options,
+    Deadline,
+    MethodOptions,
+    MethodResult,
     gap,
     rounded,
     sides,
@@ -33,11 +33,11 @@ PROOF = 1e-5  # relative gap that counts as proven; SCIP's own tolerances are no
 
 
 @dataclass
-class Search:
+class ScipSearch:
     """What is known so far; `modes` are the elements of splits and curves that have binaries."""
 
-    problem: Problem
-    clock: Clock
+    program: CaseProgram
+    clock: Deadline
     modes: dict[int, Bools] = field(default_factory=dict)
     bound: float = -np.inf
     best: Solution = NOTHING
@@ -53,7 +53,7 @@ class Search:
             self.best = plan
 
 
-def exact(problem: Problem, options: Options) -> Answer:
+def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Global optimum of the AC model to a gap of 1e-5, whatever gap is asked for.
 
     Cones are held as u v >= sum(x^2), integers exactly, and modes where the answer breaks them.
@@ -71,34 +71,34 @@ def exact(problem: Problem, options: Options) -> Answer:
             "method 'exact' needs SCIP, which is not installed",
             hint='pip install "resilience[exact]"',
         )
-    search = Search(problem, Clock(options.time_limit))
+    search = ScipSearch(program, Deadline(options.time_limit))
     while _round(search):
         pass
     if not search.done:
         with phase("SCIP", "AC equations"):
-            strict = _scip(search, Pyomo(problem.standard, solver="scip", gap=PROOF / 2))
+            strict = _scip(search, Pyomo(program.standard, solver="scip", gap=PROOF / 2))
         search.bound = max(search.bound, strict.bound)
         search.offer(strict)
     if search.best.z is None:
-        raise no_plan(problem, "SCIP", options)
+        raise no_plan(program, "SCIP", options)
     proven = gap(search.best.objective, search.bound) <= PROOF
     status: Status = "optimal" if proven else "feasible"
     best = replace(search.best, status=status)
-    return Answer.of(problem, best, search.bound, [] if proven else [LATE])
+    return MethodResult.of(program, best, search.bound, [] if proven else [LATE])
 
 
-def _round(search: Search) -> bool:
+def _round(search: ScipSearch) -> bool:
     """The convex problem with the modes held so far; False when it leaves nothing to hold."""
-    standard = search.problem.standard
+    standard = search.program.standard
     if standard.integer.any() or search.modes:
         lowered = lower(standard, exact=search.modes)
         with phase("SCIP", "convex relaxation"):
             found = _scip(search, Pyomo(lowered, solver="scip", cones="relaxed", gap=PROOF / 2))
     else:
         with phase("conic relaxation"):
-            found = relaxation(search.problem, search.problem.vectors)
+            found = relaxation(search.program, search.program.vectors)
     if found.status == "infeasible":
-        raise infeasible(search.problem)
+        raise infeasible(search.program)
     search.bound = max(search.bound, found.bound)
     if found.z is None:
         return False
@@ -111,22 +111,22 @@ def _round(search: Search) -> bool:
     return new and not search.done
 
 
-def _scip(search: Search, solver: Pyomo) -> Solution:
+def _scip(search: ScipSearch, solver: Pyomo) -> Solution:
     solver.time_limit = max(search.clock.left, 1.0)
-    solver.update(search.problem.vectors)
+    solver.update(search.program.vectors)
     found = solver.solve()
     if found.status == "infeasible":
-        raise infeasible(search.problem)
+        raise infeasible(search.program)
     return found
 
 
-def _plan(search: Search, found: Solution) -> Solution:
+def _plan(search: ScipSearch, found: Solution) -> Solution:
     """The point found with its cones closed and the solver's tolerances taken out."""
-    problem, standard = search.problem, search.problem.standard
-    vectors = rounded(problem, found.point)
+    program, standard = search.program, search.program.standard
+    vectors = rounded(program, found.point)
     vectors = vectors.fixed(*sides(standard, found.point, search.modes))
     with phase("conic program"):
-        point = relaxation(problem, vectors)
-    best = NOTHING if point.z is None else completed(problem, point, vectors, search.clock.left)
+        point = relaxation(program, vectors)
+    best = NOTHING if point.z is None else completed(program, point, vectors, search.clock.left)
     whole = widest(standard, found.point) <= CLOSED and not violated(standard, found.point)
     return found if best.z is None and whole else best

@@ -10,27 +10,29 @@ from resilience.errors import InfeasibleError, ResilienceError, SolverError
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.case_program import Problem, horizon
-from resilience.models.methods.answer import Options
+from resilience.models.case_program import CaseProgram, horizon
+from resilience.models.methods.answer import MethodOptions
 
 PHYSICAL = ("balance.p", "balance.q", "line.voltage")
 SECONDS = 10.0  # for each of the two searches
 SHOWN = 8
 
 
-def infeasible(problem: Problem, names: Sequence[str] = ()) -> InfeasibleError:
+def infeasible(program: CaseProgram, names: Sequence[str] = ()) -> InfeasibleError:
     """The error for a problem that is known to have no plan, `names` being in conflict."""
-    return _named(problem, names or _linear_conflict(problem) or _conic_conflict(problem))
+    return _named(program, names or _linear_conflict(program) or _conic_conflict(program))
 
 
-def no_plan(problem: Problem, what: str, options: Options, *, late: bool = True) -> ResilienceError:
+def no_plan(
+    program: CaseProgram, what: str, options: MethodOptions, *, late: bool = True
+) -> ResilienceError:
     """The error where `what` found nothing: infeasible if that can be proven, else what conflicts
     in the model without losses, else out of time (`late`).
     """
-    names = _linear_conflict(problem)
+    names = _linear_conflict(program)
     if names:
-        return _named(problem, names)
-    lossless = grouped(_linear_conflict(horizon(problem.case, "lindistflow")))
+        return _named(program, names)
+    lossless = grouped(_linear_conflict(horizon(program.case, "lindistflow")))
     also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
     if late and not lossless:
         return SolverError(
@@ -43,9 +45,9 @@ def no_plan(problem: Problem, what: str, options: Options, *, late: bool = True)
     )
 
 
-def _named(problem: Problem, names: Sequence[str]) -> InfeasibleError:
+def _named(program: CaseProgram, names: Sequence[str]) -> InfeasibleError:
     return InfeasibleError(
-        f"no plan satisfies the {problem.grid.physics} model; in conflict: "
+        f"no plan satisfies the {program.microgrid.physics} model; in conflict: "
         + _shown(grouped(names)),
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
     )
@@ -81,29 +83,29 @@ def grouped(names: Sequence[str]) -> list[str]:
     return found
 
 
-def conflict(problem: Problem, solver: Highs) -> list[str]:
+def conflict(program: CaseProgram, solver: Highs) -> list[str]:
     """Names of what conflicts where `solver` found no point: rows and bounds that exclude each
     other, or else the balances and voltages that have to be missed.
     """
-    standard = problem.standard
+    standard = program.standard
     physical = [row.name for row in standard.forms[0].stage.rows if row.name in PHYSICAL]
     rows = np.concatenate([standard.rows(name).ravel() for name in physical])
     return solver.conflict() or solver.missed(rows)
 
 
-def _linear_conflict(problem: Problem) -> list[str]:
+def _linear_conflict(program: CaseProgram) -> list[str]:
     """What conflicts without the cones: all relaxed, else with integers and modes held."""
-    standard = problem.standard
+    standard = program.standard
     relaxed = lower(standard, integer=standard.integer & False, exact={}, discs="outer")
     for lowered in (relaxed, lower(standard, discs="outer")):
         solver = Highs(lowered, time_limit=SECONDS)
-        solver.update(problem.vectors)
+        solver.update(program.vectors)
         if solver.solve().status == "infeasible":
-            return conflict(problem, solver)
+            return conflict(program, solver)
     return []
 
 
-def _conic_conflict(problem: Problem) -> list[str]:
-    solver = Conic(problem.standard)
-    solver.update(problem.vectors)
+def _conic_conflict(program: CaseProgram) -> list[str]:
+    solver = Conic(program.standard)
+    solver.update(program.vectors)
     return solver.conflict()

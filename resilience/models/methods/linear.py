@@ -12,13 +12,13 @@ from resilience.errors import UsageError
 from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
     CLOSED,
     LATE,
-    Answer,
-    Clock,
-    Options,
+    Deadline,
+    MethodOptions,
+    MethodResult,
     fractional,
     gap,
     rounded,
@@ -38,15 +38,15 @@ ROUNDS = 30  # tangents alone converge in about nine
 
 
 @dataclass
-class Search:
+class LinearSearch:
     """Which columns are held integer so far, which modes have binaries, and what is proven.
 
     `rows` are tangents of discs, G z <= h, where the polygons around them were exceeded.
     """
 
-    problem: Problem
-    options: Options
-    clock: Clock
+    program: CaseProgram
+    options: MethodOptions
+    clock: Deadline
     integer: Bools
     modes: dict[int, Bools] = field(default_factory=dict)
     bound: float = -np.inf
@@ -65,7 +65,7 @@ class Search:
 
     def solver(self, vectors: Vectors, discs: Discs = "outer", share: float = 1.0) -> Highs:
         """HiGHS with what is held so far and a share of the time left."""
-        standard = self.problem.standard
+        standard = self.program.standard
         lowered = lower(standard, integer=self.integer, exact=self.modes, discs=discs)
         seconds = max(share * self.clock.left, 1.0)
         rows = None
@@ -78,7 +78,7 @@ class Search:
 
     def tightened(self, z: Floats, broken: dict[int, Bools]) -> bool:
         """Holds what z breaks; False when there is nothing new to hold."""
-        standard = self.problem.standard
+        standard = self.program.standard
         loose = bool(fractional(standard, z).any())
         if loose:
             self.integer = standard.integer
@@ -89,24 +89,24 @@ class Search:
         return loose or bool(broken) or bool(exceeded)
 
 
-def lp(problem: Problem, options: Options) -> Answer:
+def lp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Relaxes every mode and integer, tests the answer, and adds binaries only where it fails."""
-    return _solve(problem, options, np.zeros(problem.standard.n_columns, bool))
+    return _solve(program, options, np.zeros(program.standard.n_columns, bool))
 
 
-def milp(problem: Problem, options: Options) -> Answer:
+def milp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Holds all integers from the start; modes get their binaries where the answer needs them."""
-    return _solve(problem, options, problem.standard.integer)
+    return _solve(program, options, program.standard.integer)
 
 
-def _solve(problem: Problem, options: Options, integer: Bools) -> Answer:
-    standard = problem.standard
+def _solve(program: CaseProgram, options: MethodOptions, integer: Bools) -> MethodResult:
+    standard = program.standard
     if any(s.kind == "cone" for s in standard.structures):
         raise UsageError(
             "linear methods cannot hold the cones of distflow; allowed: copperplate, lindistflow",
             hint="use --method socp, nlp, minlp or exact with --physics distflow",
         )
-    search = Search(problem, options, Clock(options.time_limit), integer)
+    search = LinearSearch(program, options, Deadline(options.time_limit), integer)
     if integer.any():
         with phase("linear program", "bound"):
             search.bound = _relaxed_bound(search)
@@ -123,54 +123,54 @@ def _solve(problem: Problem, options: Options, integer: Bools) -> Answer:
     return _answer(search, found)
 
 
-def _relaxed_bound(search: Search) -> float:
+def _relaxed_bound(search: LinearSearch) -> float:
     """The bound of the linear relaxation, for a tree search that ends without a better one."""
     relaxed = replace(search, integer=search.integer & False, modes={})
-    solver = relaxed.solver(search.problem.vectors)
+    solver = relaxed.solver(search.program.vectors)
     return solver.certified_bound(solver.solve())
 
 
-def _relaxed(search: Search) -> Solution:
+def _relaxed(search: LinearSearch) -> Solution:
     """The optimum of what is held so far with polygons around the discs; its bound is kept."""
-    problem = search.problem
-    solver = search.solver(problem.vectors)
-    if solver.is_mip and switches(problem):
-        unswitched = search.solver(mended(problem), share=0.25).solve()
+    program = search.program
+    solver = search.solver(program.vectors)
+    if solver.is_mip and switches(program):
+        unswitched = search.solver(mended(program), share=0.25).solve()
         if unswitched.z is not None:
             solver.start_from(unswitched.z)
     found = solver.solve()
     if found.status == "infeasible":
-        raise infeasible(problem, conflict(problem, solver))
+        raise infeasible(program, conflict(program, solver))
     bound = found.bound if solver.is_mip else solver.certified_bound(found)
     search.bound = max(search.bound, bound)
     if found.z is None and solver.is_mip:
-        found = any_point(problem, solver.lowered)
+        found = any_point(program, solver.lowered)
     if found.z is None:
-        raise no_plan(problem, "HiGHS", search.options)
+        raise no_plan(program, "HiGHS", search.options)
     return found
 
 
-def _plan(search: Search, found: Solution, broken: dict[int, Bools]) -> Solution:
+def _plan(search: LinearSearch, found: Solution, broken: dict[int, Bools]) -> Solution:
     """A point that holds everything: `found` if it does, else the best with its integers and modes
     and with polygons within the discs, else the best within them, else nothing.
     """
-    problem, standard = search.problem, search.problem.standard
+    program, standard = search.program, search.program.standard
     if fractional(standard, found.point).any():
         return NOTHING
     exceeded = widest(standard, found.point, "disc") > CLOSED
     if not broken and not exceeded:
         return found
-    held = rounded(problem, found.point)
+    held = rounded(program, found.point)
     for modes in (search.modes, broken):
         held = held.fixed(*sides(standard, found.point, modes))
     plan = search.solver(held, "inner").solve()
     if plan.z is None and exceeded and not broken:
-        plan = search.solver(problem.vectors, "inner").solve()
+        plan = search.solver(program.vectors, "inner").solve()
     sound = plan.z is not None and not violated(standard, plan.z)
     return replace(plan, status=found.status) if sound else NOTHING
 
 
-def _answer(search: Search, found: Solution) -> Answer:
+def _answer(search: LinearSearch, found: Solution) -> MethodResult:
     notes, options = [], search.options
     best = found if search.best.z is None else search.best
     if search.modes:
@@ -180,14 +180,14 @@ def _answer(search: Search, found: Solution) -> Answer:
         notes.append(LATE)
     status: Status = "optimal" if search.gap <= options.gap else "feasible"
     with phase("tie-break"):
-        best = tidied(search.problem, best)
-    return Answer.of(search.problem, replace(best, status=status), search.bound, notes)
+        best = tidied(search.program, best)
+    return MethodResult.of(search.program, replace(best, status=status), search.bound, notes)
 
 
-def _disc_tangents(problem: Standard, z: Floats) -> list[Rows]:
+def _disc_tangents(standard: Standard, z: Floats) -> list[Rows]:
     """Rows G z <= h that hold wherever a disc holds and touch it nearest to z, if z exceeds it."""
     found = []
-    for disc in problem.structures:
+    for disc in standard.structures:
         if disc.kind != "disc":
             continue
         at = np.flatnonzero(structure_violations(disc, z) > CLOSED)

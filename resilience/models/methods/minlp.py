@@ -24,11 +24,11 @@ from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
-    Answer,
-    Clock,
-    Options,
+    Deadline,
+    MethodOptions,
+    MethodResult,
     fractional,
     gap,
     rounded,
@@ -47,7 +47,7 @@ SHARE = 0.5  # of the time left that one MILP may take
 
 
 @dataclass
-class Search:
+class ConicSearch:
     """What is known so far.
 
     Attributes:
@@ -57,9 +57,9 @@ class Search:
         rows: tangents of cones and no-good cuts, as G z <= h.
     """
 
-    problem: Problem
-    options: Options
-    clock: Clock
+    program: CaseProgram
+    options: MethodOptions
+    clock: Deadline
     bound: float = -np.inf
     floor: float = np.inf
     best: Solution = NOTHING
@@ -92,58 +92,58 @@ class Search:
 
     def exclude(self, z: Floats, bound: float) -> None:
         """Cuts a commitment off whose own bound is known: at least one integer must differ."""
-        problem = self.problem.standard
-        at = np.flatnonzero(problem.integer)
+        standard = self.program.standard
+        at = np.flatnonzero(standard.integer)
         ones = np.round(z[at]) > 0.5
         entries = np.where(ones, 1.0, -1.0), (np.zeros(len(at), np.intp), at)
         self.rows.append(
-            (sp.csr_array(entries, shape=(1, problem.n_columns)), np.array([ones.sum() - 1.0]))
+            (sp.csr_array(entries, shape=(1, standard.n_columns)), np.array([ones.sum() - 1.0]))
         )
         self.floor = min(self.floor, max(bound, self.bound))
 
 
-def minlp(problem: Problem, options: Options) -> Answer:
+def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """See the module's docstring.
 
     Raises:
         InfeasibleError: naming what is in conflict.
         SolverError: no plan was found in time.
     """
-    search = Search(problem, options, Clock(options.time_limit))
-    first = root(problem, options)
+    search = ConicSearch(program, options, Deadline(options.time_limit))
+    first = root(program, options)
     search.bound = first.bound
-    search.rows.append(tangents(problem.standard, first.point))
-    if fractional(problem.standard, first.point).any():
+    search.rows.append(tangents(program.standard, first.point))
+    if fractional(program.standard, first.point).any():
         _start(search)
     else:
-        _plan(search, first, rounded(problem, first.point), first.point)
+        _plan(search, first, rounded(program, first.point), first.point)
     for k in range(ROUNDS):
         if search.done or (k and search.late) or not _round(search, k + 1):
             break
     if search.best.z is None:
-        raise no_plan(problem, "minlp", options, late=search.late)
+        raise no_plan(program, "minlp", options, late=search.late)
     return _answer(search)
 
 
-def _start(search: Search) -> None:
+def _start(search: ConicSearch) -> None:
     """A first plan, from any commitment. Its tangents would slow the MILP more than they help."""
-    problem = search.problem
+    program = search.program
     with phase("commitment", "any"):
-        chosen = any_point(problem, lower(problem.standard, exact={}, discs="outer"))
+        chosen = any_point(program, lower(program.standard, exact={}, discs="outer"))
     if chosen.status == "infeasible":
-        raise infeasible(problem)
+        raise infeasible(program)
     if chosen.z is None:
         return
-    vectors = rounded(problem, chosen.point)
+    vectors = rounded(program, chosen.point)
     with phase("conic program"):
-        found = relaxation(problem, vectors)
+        found = relaxation(program, vectors)
     if found.z is not None:
         _plan(search, found, vectors, chosen.point)
 
 
-def _round(search: Search, k: int) -> bool:
+def _round(search: ConicSearch, k: int) -> bool:
     """One MILP and one plan; False when nothing new can come."""
-    if not search.problem.standard.integer.any() and not search.modes:
+    if not search.program.standard.integer.any() and not search.modes:
         return False
     before = search.bound
     with phase("commitment", f"round {k}, gap {100 * search.gap:.2f} %"):
@@ -154,33 +154,33 @@ def _round(search: Search, k: int) -> bool:
     return search.bound > before + 1e-9 * abs(before)
 
 
-def _commitment(search: Search) -> Solution:
+def _commitment(search: ConicSearch) -> Solution:
     """The MILP over all tangents so far: its point, and a bound for what is not cut off."""
-    lowered = lower(search.problem.standard, exact=search.modes, discs="outer")
+    lowered = lower(search.program.standard, exact=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
     h = np.concatenate([right for _, right in search.rows])
     seconds = max(SHARE * search.clock.left, 1.0)
     solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
-    solver.update(search.problem.vectors)
+    solver.update(search.program.vectors)
     return solver.solve()
 
 
-def _try(search: Search, master: Solution) -> bool:
+def _try(search: ConicSearch, master: Solution) -> bool:
     """The plan for one commitment; False when there is none to try, or nothing came of it.
 
     One that is no better than the best plan and asks for no more modes is cut off, whatever its
     relaxation still promises: it has been tried, and its bound stays in force.
     """
-    problem, standard = search.problem, search.problem.standard
+    program, standard = search.program, search.program.standard
     before, held = search.best.objective, search.held
     if master.status == "infeasible" and search.floor == np.inf and search.best.z is None:
-        raise infeasible(problem)
+        raise infeasible(program)
     if master.z is None:
         return False
     search.rows.append(tangents(standard, master.point, VIOLATED))
-    vectors = rounded(problem, master.point)
+    vectors = rounded(program, master.point)
     with phase("conic program"):
-        found = relaxation(problem, vectors)
+        found = relaxation(program, vectors)
     if found.z is not None:
         search.rows.append(tangents(standard, found.point))
         _plan(search, found, vectors, master.point)
@@ -191,19 +191,19 @@ def _try(search: Search, master: Solution) -> bool:
     return bool(standard.integer.any())
 
 
-def _plan(search: Search, found: Solution, vectors: Vectors, z: Floats) -> None:
+def _plan(search: ConicSearch, found: Solution, vectors: Vectors, z: Floats) -> None:
     """Turns a point of the relaxation for fixed integers into a plan that satisfies everything.
 
     Modes with binaries are held as they are in z. Others get one where holding them costs much.
     """
-    problem, standard = search.problem, search.problem.standard
+    program, standard = search.program, search.program.standard
     point = found
     if search.modes:
         vectors = vectors.fixed(*sides(standard, z, search.modes))
-        point = relaxation(problem, vectors)
+        point = relaxation(program, vectors)
     plan = NOTHING
     if point.z is not None:
-        plan = completed(problem, point, vectors, search.clock.left)
+        plan = completed(program, point, vectors, search.clock.left)
     if gap(plan.objective, found.bound) > search.options.gap / 2:
         for k, elements in violated(standard, found.point).items():
             search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
@@ -211,11 +211,11 @@ def _plan(search: Search, found: Solution, vectors: Vectors, z: Floats) -> None:
         search.best = plan
 
 
-def _answer(search: Search) -> Answer:
+def _answer(search: ConicSearch) -> MethodResult:
     reached, asked = search.gap <= search.options.gap, search.options.gap
     note = (
         f"the gap of {100 * search.gap:.2g} % is above the {100 * asked:.2g} % asked for after "
         f"{search.clock.spent:.1f} s; this is the best plan found"
     )
     best = replace(search.best, status="optimal" if reached else "feasible")
-    return Answer.of(search.problem, best, search.bound, [] if reached else [note])
+    return MethodResult.of(search.program, best, search.bound, [] if reached else [note])

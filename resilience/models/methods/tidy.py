@@ -16,20 +16,20 @@ from scipy.optimize import linprog
 from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.lower import Discs, lower
-from resilience.models.case_program import Problem
+from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import CLOSED, widest
 from resilience.models.program.standard import Standard, Vectors
 
 WAYS: tuple[Discs, ...] = ("outer", "inner")
 
 
-def tidied(problem: Problem, found: Solution) -> Solution:
+def tidied(program: CaseProgram, found: Solution) -> Solution:
     """The same plan, tie-breaks least; as it was where that cannot be had within the ratings."""
-    standard = problem.standard
+    standard = program.standard
     if not standard.tiebreak.any():
         return found
     for discs in WAYS:
-        z = _least(standard, problem.vectors, found.point, discs)
+        z = _least(standard, program.vectors, found.point, discs)
         if z is not None and widest(standard, z, "disc") <= CLOSED:
             return replace(found, z=z)
     return found

@@ -77,14 +77,14 @@ def cone_rows(structure: Unrolled) -> tuple[list[sp.csr_array], list[Floats]]:
     return matrices, [cu + cv, *[2.0 * c for c in cxs], cu - cv]
 
 
-def cone_share(problem: Standard, cones: dict[int, Floats]) -> tuple[Floats, float]:
+def cone_share(standard: Standard, cones: dict[int, Floats]) -> tuple[Floats, float]:
     """What multipliers (k + 1, n) per structure, moved into the cone, add to the Lagrangian.
 
     Returns the slope (columns,) and the offset of  sum_k lambda_k'(G_k z + g_k).
     """
-    slope, offset = np.zeros(problem.n_columns), 0.0
+    slope, offset = np.zeros(standard.n_columns), 0.0
     for k, multipliers in cones.items():
-        matrices, consts = cone_rows(problem.structures[k])
+        matrices, consts = cone_rows(standard.structures[k])
         moved = multipliers.copy()
         moved[0] = np.maximum(moved[0], np.linalg.norm(moved[1:], axis=0))
         for m, c, y in zip(matrices, consts, moved, strict=True):

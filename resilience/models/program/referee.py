@@ -38,7 +38,7 @@ class Audit:
         return self.where[max(self.worst, key=lambda k: self.worst[k])]
 
 
-def audit(problem: Standard, z: Floats, vectors: Vectors) -> Audit:
+def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     """Worst violations of z (columns,) for the data in `vectors`, by name."""
     worst: dict[str, float] = {}
     where: dict[str, str] = {}
@@ -52,33 +52,33 @@ def audit(problem: Standard, z: Floats, vectors: Vectors) -> Audit:
             worst[name], where[name] = float(violation[k]), called(k)
 
     def note_rows(name: str, at: Ints) -> None:
-        note(name, rows[at], lambda k: problem.row_name(int(at[k])))
+        note(name, rows[at], lambda k: standard.row_name(int(at[k])))
 
-    rows = row_violations(problem, z, vectors)
-    for form, table in zip(problem.forms, problem.row_tables, strict=True):
+    rows = row_violations(standard, z, vectors)
+    for form, table in zip(standard.forms, standard.row_tables, strict=True):
         for i, row in enumerate(form.stage.rows):
             note_rows(row.name, table[:, form.row_start[i] : form.row_start[i + 1]].ravel())
-    note_rows("cut", np.arange(problem.n_rows - problem.n_cut_rows, problem.n_rows))
-    note("bounds", _bound_violations(z, vectors), problem.column_name)
-    whole = np.flatnonzero(problem.integer)
+    note_rows("cut", np.arange(standard.n_rows - standard.n_cut_rows, standard.n_rows))
+    note("bounds", _bound_violations(z, vectors), standard.column_name)
+    whole = np.flatnonzero(standard.integer)
     off = np.abs(z[whole] - np.round(z[whole]))
-    note("integrality", off, lambda k: problem.column_name(int(whole[k])))
-    for structure in problem.structures:
+    note("integrality", off, lambda k: standard.column_name(int(whole[k])))
+    for structure in standard.structures:
         found = structure_violations(structure, z)
-        note(structure.name, found, partial(_element, problem, structure))
+        note(structure.name, found, partial(_element, standard, structure))
     return Audit(worst, where)
 
 
-def _element(problem: Standard, structure: Unrolled, k: int) -> str:
+def _element(standard: Standard, structure: Unrolled, k: int) -> str:
     node, label = divmod(k, len(structure.labels))
-    slot = problem.tree.labels[structure.nodes[node]]
+    slot = standard.tree.labels[structure.nodes[node]]
     return f"{structure.name}[{structure.labels[label]}, {slot}]"
 
 
-def row_violations(problem: Standard, z: Floats, v: Vectors) -> Floats:
+def row_violations(standard: Standard, z: Floats, v: Vectors) -> Floats:
     """(rows,) scaled violation of every row."""
-    activity = problem.a @ z
-    terms = abs(problem.a).multiply(np.abs(z)[None, :]).tocsr()
+    activity = standard.a @ z
+    terms = abs(standard.a).multiply(np.abs(z)[None, :]).tocsr()
     scale = 1.0 + terms.max(axis=1).toarray().ravel()
     found: Floats = np.maximum(activity - v.row_upper, v.row_lower - activity) / scale
     return np.maximum(found, 0.0)
@@ -133,16 +133,16 @@ _MEASURES = {
 }
 
 
-def settle(problem: Standard, z: Floats, vectors: Vectors) -> Floats:
+def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
     """Rounds off solver dust and makes every `largest` tight, node by node.
 
     Integers within tolerance are rounded; y becomes the maximum it was only held above. A node
     comes after its parent, whichever stages the two are of, since y may be a state.
     """
     z = np.clip(z, vectors.lower, vectors.upper)
-    whole = np.flatnonzero(problem.integer & (np.abs(z - np.round(z)) < TOLERANCE))
+    whole = np.flatnonzero(standard.integer & (np.abs(z - np.round(z)) < TOLERANCE))
     z[whole] = np.round(z[whole])
-    tight = [structure for structure in problem.structures if structure.kind == "largest"]
+    tight = [structure for structure in standard.structures if structure.kind == "largest"]
     order = sorted((node, k, i) for k, s in enumerate(tight) for i, node in enumerate(s.nodes))
     for _, k, i in order:
         structure, width = tight[k], len(tight[k].labels)

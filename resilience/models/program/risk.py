@@ -87,27 +87,27 @@ class Risk:
         return f"{1 - self.weight:g} of the expected cost, {self.weight:g} of CVaR {self.alpha:g}"
 
 
-def node_prices(problem: Standard, data: Values) -> tuple[sp.csr_array, Floats]:
+def node_prices(standard: Standard, data: Values) -> tuple[sp.csr_array, Floats]:
     """What every node costs, not weighted: prices (nodes, columns) and an offset (nodes,), in $.
 
     The future cost of a leaf belongs to the leaf.
     """
     rows, columns, values = [], [], []
-    offset = np.zeros(problem.tree.n)
-    for form, table, nodes in zip(problem.forms, problem.tables, problem.members, strict=True):
-        d = problem.data_matrix(data, form, nodes)
+    offset = np.zeros(standard.tree.n)
+    for form, table, nodes in zip(standard.forms, standard.tables, standard.members, strict=True):
+        d = standard.data_matrix(data, form, nodes)
         start = form.parts[-1]
         prices = form.fixed[start:, None] + form.moving[start:] @ d
         rows.append(np.repeat(nodes, form.n_columns))
         columns.append(table.ravel())
         values.append(prices.T.ravel())
         offset[nodes] = form.offset + form.offset_data @ d
-    leaves = problem.tree.leaves
+    leaves = standard.tree.leaves
     rows.append(leaves)
-    columns.append(problem.future)
+    columns.append(standard.future)
     values.append(np.ones(len(leaves)))
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    found = sp.csr_array(entries, shape=(problem.tree.n, problem.n_columns))
+    found = sp.csr_array(entries, shape=(standard.tree.n, standard.n_columns))
     found.eliminate_zeros()
     return found, offset
 

@@ -45,7 +45,7 @@ def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Sta
         for form, table, nodes in zip(forms, tables, members, strict=True)
         for structure, matrices in form.structures()
     )
-    problem = Standard(
+    standard = Standard(
         forms=forms,
         tree=tree,
         tables=tuple(tables),
@@ -58,7 +58,7 @@ def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Sta
         integer=integer,
         equality=equality,
     )
-    return _with_cuts(problem) if cuts else problem
+    return _with_cuts(standard) if cuts else standard
 
 
 def _same_states(forms: tuple[Form, ...]) -> int:
@@ -122,17 +122,17 @@ def _unrolled(
     )
 
 
-def _with_cuts(problem: Standard) -> Standard:
-    leaves = problem.tree.leaves
+def _with_cuts(standard: Standard) -> Standard:
+    leaves = standard.tree.leaves
     blocks = []
-    for cut in problem.cuts:
-        row = sp.lil_array((len(leaves), problem.n_columns))
+    for cut in standard.cuts:
+        row = sp.lil_array((len(leaves), standard.n_columns))
         for k, leaf in enumerate(leaves):
-            row[k, problem.future[k]] = -1.0
+            row[k, standard.future[k]] = -1.0
             for name, beta in cut.beta.items():
-                row[k, problem.columns(name)[:, leaf]] = beta
+                row[k, standard.columns(name)[:, leaf]] = beta
         blocks.append(row.tocsr())
-    problem.a = sp.vstack([problem.a, *blocks], format="csr")
-    n_cuts = len(leaves) * len(problem.cuts)
-    problem.equality = np.concatenate([problem.equality, np.zeros(n_cuts, bool)])
-    return problem
+    standard.a = sp.vstack([standard.a, *blocks], format="csr")
+    n_cuts = len(leaves) * len(standard.cuts)
+    standard.equality = np.concatenate([standard.equality, np.zeros(n_cuts, bool)])
+    return standard

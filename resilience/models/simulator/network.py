@@ -36,7 +36,7 @@ class NetworkSimulator(Plant):
     """Steps a microgrid with its voltages and line ratings, one HiGHS for all members and slots.
 
     Args:
-        grid: the microgrid at copperplate or lindistflow.
+        microgrid: the microgrid at copperplate or lindistflow.
         dt: length of a step, h.
 
     Raises:
@@ -46,20 +46,20 @@ class NetworkSimulator(Plant):
 
     heuristic = ()
 
-    def __init__(self, grid: Microgrid, dt: float) -> None:
-        if grid.physics == "distflow":
+    def __init__(self, microgrid: Microgrid, dt: float) -> None:
+        if microgrid.physics == "distflow":
             raise UsageError(
                 "the network simulator steps lindistflow or copperplate, not distflow",
                 hint="its recourse is a linear program; AC power flow certifies afterwards",
             )
-        super().__init__(grid, dt)
+        super().__init__(microgrid, dt)
         refuse(self, blocks=False, ratings=False)
-        self.problem = unroll([self.form.stage], Tree.chain(["now"]))
-        self.solver = Highs(lower(self.problem, exact={}), duals=False)
-        self.table = self.problem.tables[0][0]
+        self.standard = unroll([self.form.stage], Tree.chain(["now"]))
+        self.solver = Highs(lower(self.standard, exact={}), duals=False)
+        self.table = self.standard.tables[0][0]
 
     def __reduce__(self) -> tuple[type[NetworkSimulator], tuple[Microgrid, float]]:
-        return NetworkSimulator, (self.grid, self.dt)  # a solver cannot be sent to a process
+        return NetworkSimulator, (self.microgrid, self.dt)  # a solver cannot be sent to a process
 
     def step(self, energy: Floats, action: Floats, data: Floats, island: Ints) -> Step:
         """One step; see `Simulator.step`. NumPy arrays only.
@@ -126,17 +126,17 @@ class _Batch:
     def of(
         cls, plant: NetworkSimulator, energy: Floats, asked: tuple[Floats, Floats], data: Floats
     ) -> _Batch:
-        form, problem, table = plant.form, plant.problem, plant.table
+        form, standard, table = plant.form, plant.standard, plant.table
         changed = form.fixed[:, None] + form.moving @ data
         a, b, c = form.parts
-        n, members = problem.n_columns, energy.shape[1]
+        n, members = standard.n_columns, energy.shape[1]
         lower, upper, cost = np.zeros((members, n)), np.zeros((members, n)), np.zeros(n)
         own = table[form.n_now :]
         lower[:, own], upper[:, own] = changed[:a].T, changed[a:b].T
         rhs = changed[b:c].T.copy()
         np.add.at(cost, table, changed[c:, 0])
         if len(plant.units):
-            at = problem.initial[STATE]
+            at = standard.initial[STATE]
             lower[:, at] = upper[:, at] = energy.T
         follow = FOLLOW * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
         for columns, power in zip(plant.stored, asked, strict=True):
@@ -151,7 +151,7 @@ class _Batch:
         cost = np.broadcast_to(cost, (members, n)).copy()
         # Only what has to be taken is worth so much: where a member has none, nothing changes.
         cost[:, columns] -= TAKE * follow * (least.T > 0.0)
-        return cls(cost, lower, upper, np.where(problem.equality, rhs, -np.inf), rhs, must, least)
+        return cls(cost, lower, upper, np.where(standard.equality, rhs, -np.inf), rhs, must, least)
 
     def vectors(self, k: int) -> Vectors:
         """Those of one member."""

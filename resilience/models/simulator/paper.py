@@ -39,7 +39,7 @@ def check(plant: Plant) -> None:
             f"the paper's recourse does not know {', '.join(other)}; allowed: {', '.join(TIERS)}",
             hint="use recourse='economic'",
         )
-    blocks = [load.name for load in plant.grid.case.load if load.block]
+    blocks = [load.name for load in plant.microgrid.case.load if load.block]
     if blocks:
         raise UsageError(
             f"the paper's recourse sheds a share of every load, but {', '.join(blocks)} can only "

@@ -31,7 +31,7 @@ class Plant:
     """A stage seen from a step.
 
     Args:
-        grid: the microgrid.
+        microgrid: the microgrid.
         dt: length of a step, h.
 
     Attributes:
@@ -46,9 +46,9 @@ class Plant:
         demand: map from data to (buses, batch) MW.
     """
 
-    def __init__(self, grid: Microgrid, dt: float) -> None:
-        self.grid, self.dt = grid, dt
-        self.form = Form(grid.stage(dt))
+    def __init__(self, microgrid: Microgrid, dt: float) -> None:
+        self.microgrid, self.dt = microgrid, dt
+        self.form = Form(microgrid.stage(dt))
         k = self.form.row("balance.p")
         rows = slice(int(self.form.row_start[k]), int(self.form.row_start[k + 1]))
         self.balance_rows = rows
@@ -123,7 +123,7 @@ class Plant:
 
     def data(self, situation: Situation, node: int) -> Floats:
         """(n_data, 1) the data of one node of a situation."""
-        return self.stacked(self.grid.data(situation))[:, [node]]
+        return self.stacked(self.microgrid.data(situation))[:, [node]]
 
     def stacked(self, data: Mapping[str, Any]) -> Floats:
         """(n_data, n) the stage's data from named arrays (labels, n)."""

@@ -34,7 +34,7 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
     found += [f"remember {name!r}" for name in memory]
     curves = [s.name for s in stage.structures if s.kind == "adjacent"]
     found += [f"hold the cost curve {name!r}" for name in curves]
-    if ratings and np.isfinite(plant.grid.network.rating_mva).any():
+    if ratings and np.isfinite(plant.microgrid.network.rating_mva).any():
         found.append("hold line ratings")
     if found:
         without = ["commitment", "ramps", "cost curves", "switchable lines"]

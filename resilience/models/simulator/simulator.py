@@ -32,8 +32,8 @@ from resilience.models.simulator.paper import check, paper_fill, paper_tiers
 from resilience.models.simulator.plant import Plant
 from resilience.models.simulator.refusals import refuse
 
-Recourse = Literal["economic", "paper"]
-RECOURSE: tuple[Recourse, ...] = get_args(Recourse)
+RecourseRule = Literal["economic", "paper"]
+RECOURSE: tuple[RecourseRule, ...] = get_args(RecourseRule)
 KNOWN = 1024  # compiled price orders kept
 
 
@@ -82,7 +82,7 @@ class Simulator(Plant):
     """Steps a microgrid at copperplate physics, on its merged graph.
 
     Args:
-        grid: the microgrid, with copperplate physics.
+        microgrid: the microgrid, with copperplate physics.
         dt: length of a step, h.
         recourse: how an island's balance is closed: "economic", by merit order, which is the
             optimum of the island's one-slot linear program; or "paper", its eqs. (20) and (21).
@@ -92,23 +92,25 @@ class Simulator(Plant):
             switching), memory (ramps), curves or ratings that a step does not hold.
     """
 
-    def __init__(self, grid: Microgrid, dt: float, recourse: Recourse = "economic") -> None:
+    def __init__(
+        self, microgrid: Microgrid, dt: float, recourse: RecourseRule = "economic"
+    ) -> None:
         if recourse not in RECOURSE:
             raise UsageError(
                 f"recourse {recourse!r} is unknown; allowed: {', '.join(RECOURSE)}",
                 hint="'economic' is the merit order by cost, 'paper' its equations 20 and 21",
             )
-        if grid.physics != "copperplate":
+        if microgrid.physics != "copperplate":
             raise UsageError(
-                f"the simulator steps copperplate physics, not {grid.physics}",
+                f"the simulator steps copperplate physics, not {microgrid.physics}",
                 hint="use microgrid(case, 'copperplate'), or NetworkSimulator for lindistflow",
             )
-        super().__init__(grid, dt)
+        super().__init__(microgrid, dt)
         refuse(self, blocks=True, ratings=True)
         self.recourse = recourse
         if recourse == "paper":
             check(self)
-        blocks = {load.name for load in grid.case.load if load.block}
+        blocks = {load.name for load in microgrid.case.load if load.block}
         whole = [name in {f"load.shed[{b}]" for b in blocks} for name in self.columns]
         self._blocks: Ints = np.flatnonzero(whole)
         self._orders: dict[bytes, Order] = {}

@@ -16,21 +16,21 @@ from resilience.models.methods.answer import gap
 from resilience.models.methods.explain import grouped
 from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Standard, Vectors
-from resilience.planning.two_stage.lshaped import Options, Solved
+from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
 SHOWN = 6  # names of conflicting rows in an error
 
 
-def extensive(two: TwoStage, options: Options | None = None) -> Solved:
+def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
     """Solves a two-stage program as one, modes relaxed, integers held.
 
     Raises:
         InfeasibleError: there is no point; what conflicts is named, with its scenario.
         SolverError: no point was found in time.
     """
-    options = options or Options()
+    options = options or DecompositionOptions()
     whole = two.whole()
     lowered = lower(whole, exact={}, discs=options.discs)
     limits: dict[str, Any] = {"time_limit": options.time_limit, "gap": options.gap}
@@ -51,13 +51,13 @@ def extensive(two: TwoStage, options: Options | None = None) -> Solved:
     bound = found.bound if solver.is_mip else solver.certified_bound(found)
     done = gap(value, bound) <= options.gap
     status: Status = "optimal" if done else "feasible"
-    return Solved(status, trunk, points, cost, chance, value, min(bound, value))
+    return TwoStageSolution(status, trunk, points, cost, chance, value, min(bound, value))
 
 
-def own_columns(problem: Standard) -> list[Ints]:
+def own_columns(standard: Standard) -> list[Ints]:
     """Columns that every node has for itself."""
-    found: list[Ints] = [np.empty(0, np.intp)] * problem.tree.n
-    for form, table, nodes in zip(problem.forms, problem.tables, problem.members, strict=True):
+    found: list[Ints] = [np.empty(0, np.intp)] * standard.tree.n
+    for form, table, nodes in zip(standard.forms, standard.tables, standard.members, strict=True):
         for node, row in zip(nodes, table, strict=True):
             found[node] = row[form.n_now :]
     return found
@@ -97,7 +97,9 @@ def costs(two: TwoStage, whole: Standard, z: Floats) -> Floats:
     return np.append(found, spent[two.trunk - 1])
 
 
-def _held(two: TwoStage, whole: Standard, vectors: Vectors, options: Options) -> Vectors:
+def _held(
+    two: TwoStage, whole: Standard, vectors: Vectors, options: DecompositionOptions
+) -> Vectors:
     """Columns held in the trunk and in chains, at zero."""
     own = own_columns(whole)
     columns = [np.empty(0, np.intp)]

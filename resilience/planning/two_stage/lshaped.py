@@ -23,7 +23,7 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.base import Status
 from resilience.models.backends.lower import Discs
-from resilience.models.methods.answer import Clock, gap
+from resilience.models.methods.answer import Deadline, gap
 from resilience.planning.two_stage.master import Master, Trial
 from resilience.planning.two_stage.recourse import Recourse, Second
 from resilience.planning.two_stage.two_stage import TwoStage
@@ -33,7 +33,7 @@ ROUNDS = 200
 
 
 @dataclass(frozen=True)
-class Solved:
+class TwoStageSolution:
     """A two-stage program, solved.
 
     Attributes:
@@ -60,7 +60,7 @@ class Solved:
 
 
 @dataclass
-class Options:
+class DecompositionOptions:
     """How to search.
 
     Attributes:
@@ -82,15 +82,15 @@ class Options:
     holds: dict[int, Ints] = field(default_factory=dict)
 
 
-def lshaped(two: TwoStage, options: Options | None = None) -> Solved:
+def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
     """Solves a two-stage program, integers and modes relaxed.
 
     Raises:
         InfeasibleError: the trunk, or a scenario behind it, has no point; it is named.
         SolverError: the solver failed.
     """
-    options = options or Options()
-    clock = Clock(options.time_limit)
+    options = options or DecompositionOptions()
+    clock = Deadline(options.time_limit)
     master = Master(two, held=options.held, discs=options.discs)
     recourse = Recourse(two, holds=options.holds, discs=options.discs, workers=options.workers)
     trial = None if options.start is None else master.held_at(options.start)
@@ -122,7 +122,7 @@ def lshaped(two: TwoStage, options: Options | None = None) -> Solved:
         raise SolverError(f"the L-shaped method did not close its gap in {ROUNDS} rounds")
     value, trial, second, cost = best
     done: Status = "optimal" if gap(value, bound) <= options.gap else "feasible"
-    return Solved(
+    return TwoStageSolution(
         done,
         trial.z,
         second.points,

@@ -25,7 +25,7 @@ from resilience.models.backends.lower import Discs, lower
 from resilience.models.methods.explain import grouped
 from resilience.models.program.dual_bound import safe_cut
 from resilience.models.program.standard import Standard, Vectors
-from resilience.planning.two_stage.two_stage import Chain, TwoStage
+from resilience.planning.two_stage.two_stage import ScenarioBranch, TwoStage
 
 PARTS = 4  # solvers side by side, whatever the number of workers
 CHAINS_OF_A_PART = 16  # fewer are not worth a cold start
@@ -50,7 +50,7 @@ class Second:
 
 
 @dataclass
-class _Program:
+class _BranchProgram:
     """A program of one kind of chain, and the numbers of the first chain that fills it."""
 
     standard: Standard
@@ -72,7 +72,7 @@ class _Program:
 class _Given:
     """One chain in numbers: how its vectors differ from its program's, and where it begins."""
 
-    chain: Chain
+    chain: ScenarioBranch
     link: Ints
     now_price: Floats
     offset: float
@@ -136,7 +136,7 @@ class Recourse:
         width = len(states[0]) if n else 0
         return Second(np.array(cost), np.array(alpha), np.reshape(beta, (n, width)), list(points))
 
-    def _program(self, k: int) -> _Program:
+    def _program(self, k: int) -> _BranchProgram:
         standard = self.two.programs[k]
         longest = next(c for c in self.two.chains if c.program == k and c.offset == 0)
         heads = np.empty((standard.tree.n, 2), np.intp)
@@ -146,9 +146,9 @@ class Recourse:
             heads[nodes, 0] = table[:, form.n_now]
             heads[nodes, 1] = rows[:, 0]
         base = standard.vectors(self.two.data_of(longest.nodes), _nothing(standard))
-        return _Program(standard, base, heads[:, 0], heads[:, 1])
+        return _BranchProgram(standard, base, heads[:, 0], heads[:, 1])
 
-    def _numbers(self, chain: Chain) -> _Given:
+    def _numbers(self, chain: ScenarioBranch) -> _Given:
         """What distinguishes a chain from the longest of its program, in its own steps."""
         program, standard = self._programs[chain.program], self.two.programs[chain.program]
         at = np.zeros(standard.tree.n, np.intp)

@@ -29,7 +29,7 @@ IN = " in "
 
 
 @dataclass(frozen=True)
-class Chain:
+class ScenarioBranch:
     """The second stage of a scenario.
 
     Attributes:
@@ -119,11 +119,11 @@ class TwoStage:
         return kinds, [ends[s] for s in sequences]
 
     @cached_property
-    def chains(self) -> list[Chain]:
+    def chains(self) -> list[ScenarioBranch]:
         """The scenarios, in the order of the tree."""
         kinds, program = self._kinds
         return [
-            Chain(
+            ScenarioBranch(
                 int(self.tree.parent[nodes[0]]),
                 nodes,
                 float(self.tree.probability[nodes[0]]),

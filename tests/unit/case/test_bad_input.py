@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import pytest
 
 from resilience.case import load_case
-from resilience.errors import CaseError, Problem
+from resilience.errors import CaseError
 
 
 @dataclass(frozen=True)
-class Mistake:
+class Spoiled:
     """A change that spoils the valid case, and what the one problem about it must say."""
 
     id: str
@@ -25,7 +25,7 @@ class Mistake:
 ESS, GENERATOR, VILLAGE = "[[ess]] battery", "[[generator]] diesel", "[[load]] village"
 
 MISTAKES = [
-    Mistake(
+    Spoiled(
         "unknown key",
         "e_mwh = 2.0",
         "e_mwh = 2.0\nsoc_start = 0.5",
@@ -33,8 +33,8 @@ MISTAKES = [
         "soc_start",
         hint="did you mean soc_max",
     ),
-    Mistake("unknown table", "[time]", "[storage]\n[time]", "", "storage", "unknown"),
-    Mistake(
+    Spoiled("unknown table", "[time]", "[storage]\n[time]", "", "storage", "unknown"),
+    Spoiled(
         "unknown default",
         'profile = "homes"',
         'profile = "homes"\nprofle = "a"',
@@ -42,8 +42,8 @@ MISTAKES = [
         "profle",
         hint="did you mean profile?",
     ),
-    Mistake("missing key", "e_mwh = 2.0\n", "", ESS, "e_mwh", "nothing", hint="add e_mwh"),
-    Mistake(
+    Spoiled("missing key", "e_mwh = 2.0\n", "", ESS, "e_mwh", "nothing", hint="add e_mwh"),
+    Spoiled(
         "text for a number",
         "e_mwh = 2.0",
         'e_mwh = "2.0"',
@@ -53,11 +53,11 @@ MISTAKES = [
         "a number",
         "remove the quotes",
     ),
-    Mistake("infinite number", "e_mwh = 2.0", "e_mwh = inf", ESS, "e_mwh", "inf", "finite"),
-    Mistake(
+    Spoiled("infinite number", "e_mwh = 2.0", "e_mwh = inf", ESS, "e_mwh", "inf", "finite"),
+    Spoiled(
         "negative capacity", "e_mwh = 2.0", "e_mwh = -2.0", ESS, "e_mwh", "-2", "greater than 0"
     ),
-    Mistake(
+    Spoiled(
         "negative power",
         "p_max_mw = 0.8",
         "p_max_mw = -0.8",
@@ -66,7 +66,7 @@ MISTAKES = [
         "-0.8",
         "0 or more",
     ),
-    Mistake(
+    Spoiled(
         "percent",
         "e_mwh = 2.0",
         "e_mwh = 2.0\nefficiency_charge = 95",
@@ -76,7 +76,7 @@ MISTAKES = [
         "1 or less",
         "percent",
     ),
-    Mistake(
+    Spoiled(
         "soc limits swapped",
         "soc_min = 0.1\nsoc_max = 0.9",
         "soc_min = 0.9\nsoc_max = 0.1",
@@ -86,7 +86,7 @@ MISTAKES = [
         "at most soc_max = 0.1",
         "swap",
     ),
-    Mistake(
+    Spoiled(
         "soc outside its band",
         "soc_min = 0.1",
         "soc_min = 0.6",
@@ -95,7 +95,7 @@ MISTAKES = [
         "0.5",
         "soc_min = 0.6 to soc_max = 0.9",
     ),
-    Mistake(
+    Spoiled(
         "power limits swapped",
         "p_min_mw = 0.1",
         "p_min_mw = 0.5",
@@ -104,7 +104,7 @@ MISTAKES = [
         "0.5",
         "at most p_max_mw = 0.4",
     ),
-    Mistake(
+    Spoiled(
         "curve that turns back",
         "[0.2, 60.0]",
         "[0.5, 60.0]",
@@ -113,7 +113,7 @@ MISTAKES = [
         "0, 0.5, 0.4",
         "rising",
     ),
-    Mistake(
+    Spoiled(
         "curve too short",
         "[0.4, 140.0]]",
         "[0.3, 140.0]]",
@@ -122,8 +122,8 @@ MISTAKES = [
         "0, 0.2, 0.3",
         "at least 0.4",
     ),
-    Mistake("curve point without cost", "[0.2, 60.0]", "[0.2]", GENERATOR, "cost_curve[2][2]"),
-    Mistake(
+    Spoiled("curve point without cost", "[0.2, 60.0]", "[0.2]", GENERATOR, "cost_curve[2][2]"),
+    Spoiled(
         "output while off",
         "ramp_up",
         "p_initial_mw = 0.2\nramp_up",
@@ -132,7 +132,7 @@ MISTAKES = [
         "0.2",
         "initial_on = false",
     ),
-    Mistake(
+    Spoiled(
         "ramp from below the minimum",
         "ramp_up",
         "initial_on = true\nramp_up",
@@ -141,7 +141,7 @@ MISTAKES = [
         "0",
         "p_min_mw = 0.1",
     ),
-    Mistake(
+    Spoiled(
         "unknown bus",
         'bus = "2"',
         'bus = "22"',
@@ -151,7 +151,7 @@ MISTAKES = [
         "a bus of the network",
         "did you mean 2",
     ),
-    Mistake(
+    Spoiled(
         "line to an unknown bus",
         'from = "3"\nto = "4"',
         'from = "3"\nto = "5"',
@@ -159,14 +159,14 @@ MISTAKES = [
         "to",
         '"5"',
     ),
-    Mistake(
+    Spoiled(
         "line from a bus to itself",
         'from = "3"\nto = "4"',
         'from = "3"\nto = "3"',
         "[[network.line]] 3-3",
         "to",
     ),
-    Mistake(
+    Spoiled(
         "volts for kilovolts",
         'name = "4"\nvn_kv = 12.66',
         'name = "4"\nvn_kv = 12660',
@@ -176,7 +176,7 @@ MISTAKES = [
         "1000 or less",
         "V given as kV",
     ),
-    Mistake(
+    Spoiled(
         "disconnected",
         'name = "4"\nvn_kv = 12.66\n',
         'name = "4"\nvn_kv = 12.66\n[[network.bus]]\nname = "far"\nvn_kv = 12.66\n',
@@ -184,7 +184,7 @@ MISTAKES = [
         "",
         "1 of 5 buses cut off: far",
     ),
-    Mistake(
+    Spoiled(
         "duplicate bus",
         'name = "4"\nvn_kv = 12.66\n',
         'name = "4"\nvn_kv = 12.66\n[[network.bus]]\nname = "4"\nvn_kv = 12.66\n',
@@ -192,7 +192,7 @@ MISTAKES = [
         "name",
         '"4"',
     ),
-    Mistake(
+    Spoiled(
         "duplicate name across kinds",
         'name = "roof"',
         'name = "battery"',
@@ -200,7 +200,7 @@ MISTAKES = [
         "name",
         "[[pv]] battery and [[ess]] battery",
     ),
-    Mistake(
+    Spoiled(
         "unknown line",
         'name = "4-1"',
         'name = "1-4"',
@@ -209,8 +209,8 @@ MISTAKES = [
         '"1-4"',
         hint="did you mean 4-1?",
     ),
-    Mistake("two tables for a line", 'name = "4-1"', 'name = "1-2"', "[[line]] 1-2", "name"),
-    Mistake(
+    Spoiled("two tables for a line", 'name = "4-1"', 'name = "1-2"', "[[line]] 1-2", "name"),
+    Spoiled(
         "milliohms",
         "r_ohm = 0.6",
         "r_ohm = 60000",
@@ -219,7 +219,7 @@ MISTAKES = [
         "60000",
         hint="mOhm",
     ),
-    Mistake(
+    Spoiled(
         "voltage limits swapped",
         "v_max_pu = 1.05",
         "v_max_pu = 0.9",
@@ -228,7 +228,7 @@ MISTAKES = [
         "0.95 at bus 3",
         "at most v_max_pu = 0.9",
     ),
-    Mistake(
+    Spoiled(
         "grid voltage outside the limits",
         "import_max_mw = 2.0",
         "import_max_mw = 2.0\nv_pu = 0.9",
@@ -237,7 +237,7 @@ MISTAKES = [
         "0.9",
         "0.95 to 1.1",
     ),
-    Mistake(
+    Spoiled(
         "two sources of a network",
         "[network]",
         '[network]\npandapower = "case33bw"',
@@ -246,7 +246,7 @@ MISTAKES = [
         "pandapower and bus",
         "exactly one",
     ),
-    Mistake(
+    Spoiled(
         "kilowatts",
         "p_max_mw = 0.8",
         "p_max_mw = 800",
@@ -256,8 +256,8 @@ MISTAKES = [
         "10 kA at 12.66 kV",
         "kW given as MW",
     ),
-    Mistake("kilowatt-hours", "e_mwh = 2.0", "e_mwh = 2000", ESS, "e_mwh", "2000", "200 h", "kWh"),
-    Mistake(
+    Spoiled("kilowatt-hours", "e_mwh = 2.0", "e_mwh = 2000", ESS, "e_mwh", "2000", "200 h", "kWh"),
+    Spoiled(
         "price per kilowatt-year",
         "shed_cost_per_mwh = 1000.0",
         "shed_cost_per_mwh = 2e6",
@@ -266,12 +266,12 @@ MISTAKES = [
         "2e+06",
         "1,000,000",
     ),
-    Mistake(
+    Spoiled(
         "nothing forms the grid", "[[generator]]", "grid_forming = false\n[[generator]]", "", ""
     ),
-    Mistake("horizon without slots", "slots = 4", "slots = 0", "[time]", "slots", "0"),
-    Mistake("horizon with a time zone", "00:00:00\n", "00:00:00Z\n", "[time]", "start"),
-    Mistake(
+    Spoiled("horizon without slots", "slots = 4", "slots = 0", "[time]", "slots", "0"),
+    Spoiled("horizon with a time zone", "00:00:00\n", "00:00:00Z\n", "[time]", "start"),
+    Spoiled(
         "missing profile",
         'profile = "sun"',
         'profile = "son"',
@@ -281,7 +281,7 @@ MISTAKES = [
         "a column",
         "did you mean sun?",
     ),
-    Mistake(
+    Spoiled(
         "missing default profile",
         'profile = "homes"',
         'profile = "home"',
@@ -290,7 +290,7 @@ MISTAKES = [
         '"home"',
         hint="did you mean homes?",
     ),
-    Mistake(
+    Spoiled(
         "short profile",
         "[0.0, 0.1, 0.2, 0.3]",
         "[0.0, 0.1, 0.2]",
@@ -299,7 +299,7 @@ MISTAKES = [
         "3 values",
         "at least slots = 4",
     ),
-    Mistake(
+    Spoiled(
         "NaN",
         "[0.0, 0.1, 0.2, 0.3]",
         "[0.0, nan, 0.2, nan]",
@@ -307,7 +307,7 @@ MISTAKES = [
         "sun",
         "2 of 4 values NaN or infinite, the first at 2016-07-12 00:15",
     ),
-    Mistake(
+    Spoiled(
         "negative profile",
         "[0.0, 0.1, 0.2, 0.3]",
         "[0.0, -0.1, 0.2, 0.3]",
@@ -315,7 +315,7 @@ MISTAKES = [
         "sun",
         "1 of 4 values negative",
     ),
-    Mistake(
+    Spoiled(
         "profile in kW",
         "[0.4, 0.5, 0.6, 1.0]",
         "[400, 500, 600, 1000]",
@@ -324,7 +324,7 @@ MISTAKES = [
         "4 of 4 values above 2",
         hint="p_max_mw",
     ),
-    Mistake(
+    Spoiled(
         "profile with text",
         "[0.0, 0.1, 0.2, 0.3]",
         '[0.0, "x", 0.2, 0.3]',
@@ -333,7 +333,7 @@ MISTAKES = [
         '"x"',
         "a number",
     ),
-    Mistake(
+    Spoiled(
         "outage of an unknown line",
         "1-2@00:15-00:45",
         "1-3@00:15-00:45",
@@ -342,7 +342,7 @@ MISTAKES = [
         "'1-3'",
         hint="did you mean",
     ),
-    Mistake(
+    Spoiled(
         "outage that ends before it starts",
         "1-2@00:15-00:45",
         "1-2@00:45-00:15",
@@ -351,7 +351,7 @@ MISTAKES = [
         "00:45-00:15",
         "an end after the start",
     ),
-    Mistake(
+    Spoiled(
         "outage outside the horizon",
         "1-2@00:15-00:45",
         "1-2@14:15-14:45",
@@ -360,7 +360,7 @@ MISTAKES = [
         "14:15",
         "2016-07-12 00:00 to 2016-07-12 01:00",
     ),
-    Mistake(
+    Spoiled(
         "outage without times",
         "1-2@00:15-00:45",
         "1-2 at noon",
@@ -369,14 +369,14 @@ MISTAKES = [
         "'1-2 at noon'",
         "LINE@START-STOP",
     ),
-    Mistake("one bracket too few", "[[pv]]", "[pv]", "[pv]", "", allowed="[[pv]]"),
+    Spoiled("one bracket too few", "[[pv]]", "[pv]", "[pv]", "", allowed="[[pv]]"),
 ]
 
 
-def problems_of(path) -> list[Problem]:
+def mistakes_of(path) -> list[Spoiled]:
     with pytest.raises(CaseError) as caught:
         load_case(path)
-    return list(caught.value.problems)
+    return list(caught.value.mistakes)
 
 
 def test_the_case_that_the_mistakes_spoil_is_sound(case_file):
@@ -391,9 +391,9 @@ def test_one_mistake_is_one_problem(case_file, mistake):
             ("ramp_up", "grid_forming = false\nramp_up"),
             ("import_max_mw", "grid_forming = false\nimport_max_mw"),
         ]
-        mistake = Mistake("", "", "", "", "grid_forming", "false for all 3 units", "at least one")
+        mistake = Spoiled("", "", "", "", "grid_forming", "false for all 3 units", "at least one")
     path = case_file(*changes)
-    [problem] = problems_of(path)
+    [problem] = mistakes_of(path)
     assert problem.file.endswith("case.toml")
     assert (problem.table, problem.key) == (mistake.table, mistake.key)
     assert mistake.value in problem.value
@@ -415,7 +415,7 @@ def test_ten_mistakes_are_ten_problems(case_file):
         ("p_min_mw = 0.1", "p_min_mw = 1.1"),
         ('name = "4-1"', 'name = "4-2"'),
     )
-    found = {(p.table, p.key) for p in problems_of(path)}
+    found = {(p.table, p.key) for p in mistakes_of(path)}
     assert found == {
         ("[network]", "v_min_pu"),
         ("[time]", "step"),

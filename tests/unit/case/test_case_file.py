@@ -93,7 +93,7 @@ def test_a_variant_may_bring_its_own_network(case_file):
     )
     with pytest.raises(CaseError) as caught:
         load_case(variant)
-    [problem] = caught.value.problems
+    [problem] = caught.value.mistakes
     assert problem.table == "[[line]] 4-1"
 
 

@@ -79,7 +79,7 @@ def test_mistakes_in_a_file_are_all_reported_with_their_rows(tmp_path):
     path.write_text("line,start,stop\n6-27,14:00,17:30\n1-2,25:00,26:00\n1-2,,\n")
     with pytest.raises(CaseError) as caught:
         parse_outages(path, horizon())
-    assert [p.table for p in caught.value.problems] == ["row 2", "row 3", "row 4"]
+    assert [p.table for p in caught.value.mistakes] == ["row 2", "row 3", "row 4"]
     path.write_text("branch,from,to\n6-26,14:00,17:30\n")
     with pytest.raises(CaseError, match="line, start, stop"):
         parse_outages(path, horizon())

@@ -44,7 +44,7 @@ def problem_of(case_file, text: str, *changes):
     (path.parent / "profiles.csv").write_text(text)
     with pytest.raises(CaseError) as caught:
         load_case(path)
-    [problem] = caught.value.problems
+    [problem] = caught.value.mistakes
     return problem
 
 

@@ -11,7 +11,7 @@ import resilience as rs
 from resilience.case import case_text, load_case
 from resilience.case.checks.geography import findings
 from resilience.case.schema import CurveTable, GeographyTable, LineTable, StormTable
-from resilience.errors import CaseError, Problem
+from resilience.errors import CaseError, Mistake
 from resilience.fragility.chain import case_track, storm
 
 PLACES = {"1": (22.00, 120.70), "2": (22.01, 120.71), "3": (22.02, 120.72), "4": (22.03, 120.73)}
@@ -37,12 +37,12 @@ def placed(text: str) -> str:
     return text
 
 
-def problems(text: str, folder: Path) -> tuple[Problem, ...]:
+def mistakes(text: str, folder: Path) -> tuple[Mistake, ...]:
     path = folder / "case.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(CaseError) as caught:
         load_case(path)
-    return caught.value.problems
+    return caught.value.mistakes
 
 
 def test_a_case_with_places_and_a_storm_loads_and_is_written_alike(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_one_mistake_in_a_storm(
     old: str, new: str, key: str, value: str, hint: str, tmp_path: Path
 ) -> None:
     assert old in STORM
-    (found,) = problems(placed(VALID) + STORM.replace(old, new, 1), tmp_path)
+    (found,) = mistakes(placed(VALID) + STORM.replace(old, new, 1), tmp_path)
     assert (found.table, found.key) == ("[storm]", key)
     assert value in found.value
     assert hint in found.hint
@@ -98,7 +98,7 @@ def test_one_mistake_in_a_storm(
 
 def test_knots_for_metres_per_second_are_found_by_the_pressure(tmp_path: Path) -> None:
     knots = STORM.replace(", 54]", ", 105]").replace(", 47]", ", 91]")
-    (found,) = problems(placed(VALID) + knots, tmp_path)
+    (found,) = mistakes(placed(VALID) + knots, tmp_path)
     assert "knots" in found.hint
     assert found.key == "points"
 
@@ -108,7 +108,7 @@ def test_knots_are_told_by_one_minute_winds(tmp_path: Path) -> None:
     text = placed(VALID) + STORM.replace(", 54]", ", 82]").replace("945, 47]", "930, 82]")
     (tmp_path / "case.toml").write_text(text.replace("averaging_s = 600", "averaging_s = 60"))
     assert load_case(tmp_path / "case.toml").storm is not None
-    (found,) = problems(text, tmp_path)
+    (found,) = mistakes(text, tmp_path)
     assert found.key == "points"
     assert found.value.startswith("82 m/s at 930 hPa in points[")
 
@@ -116,7 +116,7 @@ def test_knots_are_told_by_one_minute_winds(tmp_path: Path) -> None:
 def test_a_slip_is_found_beside_other_mistakes(tmp_path: Path) -> None:
     bad = STORM.replace("21.9, 120.9", "21.9, -120.9").replace("930, 54", "93000, 54", 1)
     bad = bad.replace("21.9, 121.3, 930, 54", "21.9, 121.3, 930, 105").replace("945, 47", "945, 91")
-    found = problems(placed(VALID) + bad.replace("averaging_s = 600\n", ""), tmp_path)
+    found = mistakes(placed(VALID) + bad.replace("averaging_s = 600\n", ""), tmp_path)
     assert [one.key for one in found] == ["averaging_s", "points[1][4]", "points[3]", "points"]
 
 
@@ -131,10 +131,10 @@ def test_points_are_as_free_as_rows_of_a_file(tmp_path: Path) -> None:
     assert track.lon == pytest.approx([-179.0, -179.8, 179.4])
     assert track.pressure_hpa == pytest.approx([930.0, 935.0, 940.0])
     assert track.vmax_mps == pytest.approx([54.0, 50.5, 47.0])
-    (far,) = problems(text + moved.replace("181.0", "400.0"), tmp_path)
+    (far,) = mistakes(text + moved.replace("181.0", "400.0"), tmp_path)
     assert (far.key, far.allowed) == ("points[1][3]", "-180 to 360")
     nothing = STORM.replace("930, 54", "nan, nan").replace("945, 47", "nan, nan")
-    (none,) = problems(placed(VALID) + nothing, tmp_path)
+    (none,) = mistakes(placed(VALID) + nothing, tmp_path)
     assert (none.key, none.value) == ("points", "neither pressure nor wind in any point")
 
 
@@ -143,7 +143,7 @@ def test_all_mistakes_come_in_one_list(tmp_path: Path) -> None:
         placed(VALID).replace("lat_deg = 22.01\n", "").replace("lon_deg = 120.73", "lon_deg = 540")
     )
     bad = STORM.replace("averaging_s = 600\n", "").replace("10-05T02", "10-05T09")
-    found = problems(text + bad, tmp_path)
+    found = mistakes(text + bad, tmp_path)
     said = {(one.table, one.key) for one in found}
     assert said == {
         ("[[network.bus]] 4", "lon_deg"),
@@ -160,7 +160,7 @@ def test_a_synthetic_geography_needs_an_anchor_and_a_drawing() -> None:
     case = rs.load_case("ieee33")
     with pytest.raises(CaseError) as caught:
         case.replace(geography=GeographyTable(synthetic=True, anchor_bus="34"))
-    assert {one.key for one in caught.value.problems} == {
+    assert {one.key for one in caught.value.mistakes} == {
         "anchor_lat_deg",
         "anchor_lon_deg",
         "anchor_bus",
@@ -198,7 +198,7 @@ def test_names_that_nothing_has_are_refused_together() -> None:
     lines = [*case.line, LineTable(name="2-3", pole="towr")]
     with pytest.raises(CaseError) as caught:
         storm(case.replace(storm=case.storm.model_copy(update=wrong), line=lines))
-    found = {(one.table, one.key): one for one in caught.value.problems}
+    found = {(one.table, one.key): one for one in caught.value.mistakes}
     assert found.keys() == {
         ("[storm.curves.mine]", ""),
         ("[[line]] 2-3", "pole"),
@@ -220,7 +220,7 @@ def test_curves_over_different_winds_do_not_mix() -> None:
 
 def test_a_priority_of_a_line_that_is_not_there_is_refused(tmp_path: Path) -> None:
     text = placed(VALID) + STORM + '[storm.repair]\npriority = { "1-2" = 1, "2-9" = 2 }\n'
-    (found,) = problems(text, tmp_path)
+    (found,) = mistakes(text, tmp_path)
     assert (found.table, found.key, found.value) == ("[storm.repair]", "priority", '"2-9"')
 
 

@@ -14,10 +14,10 @@ TARIFF = 'tariff = [["00:00", 10], ["00:30", 30.0], ["17:00", 60]]\n'
 NAME = "tariff of grid"
 
 
-def problems_of(path):
+def mistakes_of(path):
     with pytest.raises(CaseError) as error:
         load_case(path)
-    return error.value.problems
+    return error.value.mistakes
 
 
 def with_tariff(case_file, tariff=TARIFF, *changes, profile=""):
@@ -100,20 +100,20 @@ def test_a_written_case_has_the_tariff_and_not_its_profile(case_file, tmp_path):
     ],
 )
 def test_a_wrong_tariff_is_named(case_file, tariff, key, value, hint):
-    [problem] = problems_of(with_tariff(case_file, f"tariff = {tariff}\n"))
+    [problem] = mistakes_of(with_tariff(case_file, f"tariff = {tariff}\n"))
     assert problem.table == "[[grid]] grid"
     assert (problem.key, problem.value) == (key, value)
     assert hint in problem.hint
 
 
 def test_imports_need_a_price(case_file):
-    [problem] = problems_of(case_file((PRICE, "")))
+    [problem] = mistakes_of(case_file((PRICE, "")))
     assert (problem.key, problem.value) == ("import_cost_per_mwh", "nothing")
     assert "tariff" in problem.hint
 
 
 def test_exports_can_only_follow_a_tariff_that_is_there(case_file):
-    [problem] = problems_of(case_file((PRICE, PRICE + "export_tariff_factor = 1\n")))
+    [problem] = mistakes_of(case_file((PRICE, PRICE + "export_tariff_factor = 1\n")))
     assert problem.key == "export_tariff_factor"
     assert "add tariff" in problem.hint
 

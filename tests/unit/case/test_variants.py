@@ -58,7 +58,7 @@ def test_an_outage_table_merges_over_its_base_and_is_written(case_file, tmp_path
 def test_a_wrong_setting_is_named(case_file, line, key):
     with pytest.raises(CaseError) as error:
         load_case(case_file(("[time]", f"[outage]\n{line}\n[time]")))
-    [problem] = error.value.problems
+    [problem] = error.value.mistakes
     assert (problem.table, problem.key) == ("[outage]", key)
     assert problem.hint
 

@@ -10,12 +10,12 @@ from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.risk import Risk
 from resilience.planning.two_stage.extensive import extensive
-from resilience.planning.two_stage.lshaped import Options, lshaped
+from resilience.planning.two_stage.lshaped import DecompositionOptions, lshaped
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.planning.two_stage.two_stage import TwoStage
 
 STATES = ("a", "b")
-TIGHT = Options(gap=1e-9)
+TIGHT = DecompositionOptions(gap=1e-9)
 
 
 def stage(rng: np.random.Generator) -> Stage:
@@ -84,7 +84,7 @@ def test_it_is_the_extensive_form(seed: int, risk: Risk) -> None:
 def test_a_start_changes_the_way_and_not_the_end() -> None:
     two = program(3)
     states = np.full((two.trunk, 2), 0.4)
-    found = lshaped(two, Options(gap=1e-9, start=states))
+    found = lshaped(two, DecompositionOptions(gap=1e-9, start=states))
     assert found.start_cost is not None
     assert two.risk.of(found.start_cost, found.probability) >= found.objective
     assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
@@ -105,7 +105,9 @@ def test_cuts_hold_everywhere_and_touch_where_they_were_made(seed: int) -> None:
 
 def test_the_result_does_not_depend_on_the_number_of_workers() -> None:
     two = program(5, chains=70)
-    one, many = (lshaped(two, Options(gap=1e-6, workers=workers)) for workers in (1, 3))
+    one, many = (
+        lshaped(two, DecompositionOptions(gap=1e-6, workers=workers)) for workers in (1, 3)
+    )
     assert (one.trunk == many.trunk).all()
     assert (one.cost == many.cost).all()
     assert one.bound == many.bound
@@ -114,7 +116,7 @@ def test_the_result_does_not_depend_on_the_number_of_workers() -> None:
 def test_a_time_limit_gives_the_best_so_far_with_its_bound() -> None:
     two = program(4, chains=12)
     best = extensive(two, TIGHT).objective
-    found = lshaped(two, Options(gap=1e-12, time_limit=0.0))
+    found = lshaped(two, DecompositionOptions(gap=1e-12, time_limit=0.0))
     assert found.bound <= best + 1e-7
     assert found.objective >= best - 1e-7
 

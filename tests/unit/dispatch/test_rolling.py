@@ -9,16 +9,16 @@ from small import small
 import resilience as rs
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
-from resilience.dispatch.aggregate import aggregate
 from resilience.dispatch.memory import Memory
+from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.mpc import MPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.stochastic import Stochastic
-from resilience.dispatch.window_program import Program, Steps, Window
+from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
 from resilience.simulation.world import Observation, World
 
@@ -58,7 +58,7 @@ def test_without_a_storage_there_is_nothing_to_look_ahead_for(method: str) -> No
     case = feeder().replace(ess=())
     drawn = sample_bell(case, Bell(), 1, 0)
     with pytest.raises(rs.UsageError, match="has no storage; allowed: a case with"):
-        DISPATCHERS[method](World.of(microgrid(case, "copperplate"), drawn))
+        DISPATCHERS[method](World.of(Microgrid.of(case, "copperplate"), drawn))
 
 
 @pytest.mark.parametrize(
@@ -74,11 +74,11 @@ def test_a_fan_of_two_paths_equals_its_hand_solution(
     bought where dark * price + (1 - dark) > 1: wherever shedding is dearer than the grid.
     """
     case = feeder(price)
-    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2)
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=0), 2)
     up = np.ones((1, 2, 2), bool)
     up[0, 1, 1] = False
     share = np.array([1.0 - dark, dark])
-    asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+    asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
     assert program.decide(asked)[0] == pytest.approx(charged)
 
 
@@ -86,12 +86,12 @@ def test_probabilities_weigh_a_cost_of_having_stored_in_vain() -> None:
     """With wear of 4 $/MWh a MWh bought now saves 10 - 4 on the dark path and nothing on the other:
     it is bought where dark * 6 > 1."""
     case = worn()
-    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2)
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=0), 2)
     up = np.ones((1, 2, 2), bool)
     up[0, 1, 1] = False
     for dark, charged in ((0.15, 0.0), (0.18, 1.0)):
         share = np.array([1.0 - dark, dark])
-        asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
         assert program.decide(asked)[0] == pytest.approx(charged)
 
 
@@ -101,33 +101,35 @@ def test_the_worst_path_counts_double() -> None:
     The mean alone buys from 1 / 6 on.
     """
     case = worn()
-    program = Program(aggregate(case), Steps(slots=2, blocks=0), 2, risk=Risk(0.8, 0.5))
+    program = WindowProgram(
+        merged_grid(case), WindowSteps(slots=2, blocks=0), 2, risk=Risk(0.8, 0.5)
+    )
     up = np.ones((1, 2, 2), bool)
     up[0, 1, 1] = False
     for dark, charged in ((0.1, 1.0), (0.05, 0.0), (0.1, 1.0)):
         share = np.array([1.0 - dark, dark])
-        asked = Window(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
         assert program.decide(asked)[0] == pytest.approx(charged)
 
 
 def test_energy_at_the_end_is_bought_below_its_value_only() -> None:
     case = feeder(slots=6)
-    program = Program(aggregate(case), Steps(slots=2, blocks=1, block_slots=2), 1)
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=1, block_slots=2), 1)
     up = np.ones((1, 3, 1), bool)
     for value, charged in ((0.9, 0.0), (1.1, 5.0)):
-        asked = Window(0, np.zeros(1), up, np.ones(1), exact(case), np.full(1, value))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, np.ones(1), exact(case), np.full(1, value))  # type: ignore[arg-type]
         program.solver.update(program.vectors(asked))
         z = program.solver.solve().point
-        bought = z[program.problem.columns("ess.charge")].sum()
+        bought = z[program.standard.columns("ess.charge")].sum()
         assert (bought > 0.0) == (charged > 0.0)
 
 
 def test_steps_beyond_the_horizon_are_empty() -> None:
     """At the last slot but one, two of six slots are left: the others cost and move nothing."""
     case = feeder(slots=6)
-    program = Program(aggregate(case), Steps(slots=2, blocks=1, block_slots=4), 1)
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=1, block_slots=4), 1)
     up = np.ones((1, 3, 1), bool)
-    asked = Window(3, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))  # type: ignore[arg-type]
+    asked = WindowRequest(3, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))  # type: ignore[arg-type]
     program.solver.update(program.vectors(asked))
     found = program.solver.solve()
     # Slots 3 and 4, and one of the block's four: 3 MWh at 1 $.
@@ -135,7 +137,7 @@ def test_steps_beyond_the_horizon_are_empty() -> None:
 
 
 def test_a_tree_of_slots_and_blocks() -> None:
-    steps = Steps(slots=2, blocks=1, block_slots=4)
+    steps = WindowSteps(slots=2, blocks=1, block_slots=4)
     assert steps.horizon == 6
     assert steps.starts.tolist() == [0, 1, 2]
     assert steps.width.tolist() == [1, 1, 4]
@@ -148,11 +150,11 @@ def test_a_tree_of_slots_and_blocks() -> None:
 @pytest.fixture(scope="module")
 def world() -> World:
     case = rs.load_case("ieee33-tou").replace(outages=())
-    return World.of(microgrid(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
+    return World.of(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
 
 
 def seen(world: World, t: int) -> Observation:
-    energy = np.repeat(world.grid.start()["ess.energy"][:, None], world.scenarios.n, axis=1)
+    energy = np.repeat(world.microgrid.start()["ess.energy"][:, None], world.scenarios.n, axis=1)
     island = world.situation(t).island
     centre = np.full(world.scenarios.n, 48)
     return Observation(t, energy, world.line_up[:, t], island, centre, world.forecast(t))
@@ -160,20 +162,20 @@ def seen(world: World, t: int) -> Observation:
 
 def test_devices_joined_dispatch_alike(world: World) -> None:
     """The smaller program has the optimum of the whole case, at every slot of a stormy day."""
-    case, steps = world.grid.case, Steps(slots=3, blocks=2)
-    small_one = aggregate(case)
-    assert len(small_one.grid.case.load) == 4
-    assert len(small_one.grid.case.generator) == 4
-    whole = type(small_one)(microgrid(case, "copperplate"), {})
-    programs = [Program(which, steps, 2) for which in (small_one, whole)]
+    case, steps = world.microgrid.case, WindowSteps(slots=3, blocks=2)
+    small_one = merged_grid(case)
+    assert len(small_one.microgrid.case.load) == 4
+    assert len(small_one.microgrid.case.generator) == 4
+    whole = type(small_one)(Microgrid.of(case, "copperplate"), {})
+    programs = [WindowProgram(which, steps, 2) for which in (small_one, whole)]
     rng = np.random.default_rng(3)
     for t in range(0, 96, 7):
         up = np.ones((37, steps.n, 2), bool)
         for line in ("1-2", "2-19", "3-23", "6-26"):
             up[case.network.line(line), 1:] = rng.random((steps.n - 1, 2)) < 0.5
-        energy = world.grid.start()["ess.energy"] * rng.uniform(0.3, 1.7, 5)
+        energy = world.microgrid.start()["ess.energy"] * rng.uniform(0.3, 1.7, 5)
         value = rng.uniform(0.0, 0.5, 5)
-        asked = Window(t, energy, up, np.array([0.3, 0.7]), exact(case), value)  # type: ignore[arg-type]
+        asked = WindowRequest(t, energy, up, np.array([0.3, 0.7]), exact(case), value)  # type: ignore[arg-type]
         best = []
         for program in programs:
             program.solver.update(program.vectors(asked))
@@ -204,7 +206,7 @@ def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> 
     case = rs.load_case("ieee33-tou").replace(outages=())
     noon = case.replace(start=case.start.replace(hour=12))
     none = Scenarios(("1-2",), np.zeros((1, 96, 1), bool), np.ones(1))
-    memory = Memory(World.of(microgrid(noon, "copperplate"), none))
+    memory = Memory(World.of(Microgrid.of(noon, "copperplate"), none))
     assert [memory.clock(t) for t in (0, 47, 48)] == [48, 95, 0]
     assert [memory.day(t) for t in (0, 47, 48)] == [0, 0, 1]
 

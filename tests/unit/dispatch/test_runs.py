@@ -22,7 +22,7 @@ from resilience.evaluation.engines import spread
 from resilience.evaluation.store import Store, code
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.world import Observation, World, simulate
 
@@ -35,7 +35,9 @@ def world() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1).replace(slots=24)
     storms = sample_bell(case, Bell(centres=(8, 12), height=0.3), 4, 7)
     outlook = sample_outlook(case, ForecastError(), 4, 11)
-    return World.of(microgrid(case, "copperplate"), storms, end_value_per_mwh=0.1, outlook=outlook)
+    return World.of(
+        Microgrid.of(case, "copperplate"), storms, end_value_per_mwh=0.1, outlook=outlook
+    )
 
 
 def same(one: rs.Report, other: rs.Report) -> None:
@@ -170,7 +172,7 @@ def test_one_more_method_does_only_that(
 
 def test_a_part_is_called_after_all_that_it_depends_on(world: World, tmp_path: Path) -> None:
     store, rule = Store(tmp_path), DISPATCHERS["rule"]
-    case = world.grid.case
+    case = world.microgrid.case
     dearer = case.replace(grid=[case.grid[0].model_copy(update={"import_max_mw": 11.0})])
     changed = [
         world,
@@ -180,7 +182,7 @@ def test_a_part_is_called_after_all_that_it_depends_on(world: World, tmp_path: P
         replace(world, outlook=None),
         replace(world, scenarios=replace(world.scenarios, down=~world.scenarios.down)),
         world.part(np.array([0])),
-        World.of(microgrid(dearer, "copperplate"), world.scenarios),
+        World.of(Microgrid.of(dearer, "copperplate"), world.scenarios),
     ]
     names = [store._path("rule", w, rule) for w in changed]
     names += [store._path("idle", world, Idle), store._path("rule", world, Drawn)]
@@ -219,6 +221,6 @@ def test_a_case_without_storage_has_a_bound() -> None:
         grid=[{"import_max_mw": 0.6, "import_cost_per_mwh": 1.0}],
     )
     storms = rs.Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
-    found = rs.evaluate(World.of(microgrid(case, "copperplate"), storms), ["idle"])
+    found = rs.evaluate(World.of(Microgrid.of(case, "copperplate"), storms), ["idle"])
     assert found.bound == pytest.approx([2 * (0.6 + 0.4 * 5.0)])
     assert found.objective["idle"] == pytest.approx(found.bound)

@@ -21,7 +21,7 @@ from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import World, simulate
 
 HOURS = np.arange(24)
@@ -58,7 +58,7 @@ def village(breakpoint_: bool = True) -> Case:
 def calm(case: Case) -> World:
     lines = ("1-2",)
     none = Scenarios(lines, np.zeros((1, case.slots, 1), bool), np.ones(1))
-    return World.of(microgrid(case, "copperplate"), none)
+    return World.of(Microgrid.of(case, "copperplate"), none)
 
 
 @pytest.mark.parametrize("paths", [0, 6])
@@ -79,7 +79,7 @@ def test_where_the_storm_is_markov_the_bound_is_met() -> None:
     bound of the training."""
     case = village()
     bell = Bell(duration_slots=(1, 1), refail=True, centres=(60,), probability=0.95)
-    world = World.of(microgrid(case, "copperplate"), sample_bell(case, bell, 400, 3))
+    world = World.of(Microgrid.of(case, "copperplate"), sample_bell(case, bell, 400, 3))
     settings = Settings(iterations=80, patience=80, paths=2)
     book = Book(case, bell, outcomes=1, settings=settings, cache=False)
     dispatcher = Sddp(world, book, paths=0)
@@ -96,7 +96,7 @@ def test_units_that_behave_as_one_are_one() -> None:
     fleet = Fleet.of(case)
     assert fleet.names == ("ess1+ess4", "ess2", "ess3", "ess5")
     assert fleet.share == pytest.approx([2 / 3, 1.0, 1.0, 1 / 3, 1.0])
-    day = fleet.grid.case
+    day = fleet.microgrid.case
     optimum = [rs.solve(c, "lp", physics="copperplate").objective for c in (case, day)]
     twin = case.replace(outages=())
     assert rs.solve(twin, "lp", physics="copperplate").objective == pytest.approx(
@@ -115,13 +115,13 @@ def test_units_that_start_apart_stay_apart() -> None:
 @pytest.fixture(scope="module")
 def storms() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
-    return World.of(microgrid(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5))
+    return World.of(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5))
 
 
 @pytest.fixture(scope="module")
 def few(storms: World) -> Book:
     bell = Bell(centres=(56,))
-    return Book(storms.grid.case, bell, outcomes=1, settings=FEW, cache=False)
+    return Book(storms.microgrid.case, bell, outcomes=1, settings=FEW, cache=False)
 
 
 @pytest.mark.parametrize("paths", [0, 8])
@@ -134,7 +134,9 @@ def test_it_neither_beats_the_bound_nor_sees_the_future(
     quiet[:, at:] = False
     named = storms.scenarios
     other = Scenarios(named.lines, quiet, named.probability, named.centre)
-    runs = [simulate(w, Sddp(w, few, paths=paths)) for w in (storms, World.of(storms.grid, other))]
+    runs = [
+        simulate(w, Sddp(w, few, paths=paths)) for w in (storms, World.of(storms.microgrid, other))
+    ]
     np.testing.assert_allclose(runs[0].storage[:, :at], runs[1].storage[:, :at], atol=1e-7)
     value = storms.end_value_per_mwh
     assert (runs[0].objective(value) >= clairvoyant(storms).objective - 1e-6).all()

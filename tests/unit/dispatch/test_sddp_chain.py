@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Floats
-from resilience.dispatch.sddp.chain import Chain, storm_chain
+from resilience.dispatch.sddp.chain import ModeChain, storm_chain
 from resilience.fragility.draw import draw_day, outage_path
 from resilience.fragility.outages.bell import Bell
 
@@ -16,7 +16,7 @@ PER_DAY = 96
 DRAWS = 6000
 
 
-def marginals(chain: Chain) -> tuple[Floats, Floats]:
+def marginals(chain: ModeChain) -> tuple[Floats, Floats]:
     """(slots, lines) chance of being down, and (slots,) of all being down at once."""
     chance, down, every = np.ones(1), [], []
     for modes, moves in zip(chain.down, chain.transition, strict=True):

@@ -16,7 +16,7 @@ from resilience.fragility.beliefs.belief import BellBelief, case_belief
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import World, grid_with_fallible_lines, simulate
 
 CASE = "ieee33_rammasun"
@@ -25,14 +25,14 @@ CASE = "ieee33_rammasun"
 @pytest.fixture(scope="module")
 def world() -> World:
     case = held_out(rs.load_case(CASE))
-    return World.of(microgrid(case, "copperplate"), sample_case(case, 2, 5))
+    return World.of(Microgrid.of(case, "copperplate"), sample_case(case, 2, 5))
 
 
 def test_nobody_beats_the_bound_in_a_storm() -> None:
     report = compare(CASE, ["rule", "mpc", "mpc-blind"], draws=2, seed=5)
     for name, cost in report.objective.items():
         assert (cost >= report.bound - 1e-6 * np.abs(report.bound)).all(), name
-    assert report.world.grid.case.slots == 144
+    assert report.world.microgrid.case.slots == 144
     assert len(report.world.scenarios.lines) == 32
 
 
@@ -56,9 +56,10 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
     calm[:, at:] = calm[:, at - 1 : at]
     assert (calm != storm.down).any()
     other = Scenarios(storm.lines, calm, storm.probability)
-    grid = microgrid(case, "copperplate")
+    microgrid = Microgrid.of(case, "copperplate")
     one, two = (
-        simulate(w, DISPATCHERS[name](w)) for w in (World.of(grid, storm), World.of(grid, other))
+        simulate(w, DISPATCHERS[name](w))
+        for w in (World.of(microgrid, storm), World.of(microgrid, other))
     )
     np.testing.assert_allclose(one.storage[:, :at], two.storage[:, :at], atol=1e-7)
 
@@ -90,8 +91,8 @@ def test_lines_that_a_case_thought_firm_fail_where_scenarios_say_so() -> None:
     down = np.zeros((1, case.slots, 1), bool)
     down[0, 40:60] = True
     report = compare("ieee33", ["rule"], days=1, scenarios=Scenarios(("5-6",), down, np.ones(1)))
-    grid = report.world.grid
-    assert "5-6" in grid.network.line_names
+    microgrid = report.world.microgrid
+    assert "5-6" in microgrid.network.line_names
     assert grid_with_fallible_lines(
         case, report.world.scenarios, "copperplate"
-    ).network.line_names == (grid.network.line_names)
+    ).network.line_names == (microgrid.network.line_names)

@@ -24,9 +24,9 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.program.risk import Risk
-from resilience.planning.scenario_methods import solve_storms, wait_and_see
+from resilience.planning.scenario_methods import solve_scenario_program, wait_and_see
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.scenario_program import Storms, storm_program
+from resilience.planning.scenario_program import DistinctScenarios, scenario_program
 from resilience.simulation.world import grid_with_fallible_lines
 
 ALGORITHMS = ("extensive", "lshaped")
@@ -193,14 +193,14 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     drawn = sample_bell(feeder, Bell(centres=(16, 24, 30), duration_slots=(4, 9)), 12, 3)
     weights = np.random.default_rng(0).random(12)
     scenarios = Scenarios(drawn.lines, drawn.down, weights / weights.sum())
-    program = storm_program(
+    program = scenario_program(
         grid_with_fallible_lines(feeder, scenarios, "copperplate"),
-        Storms.among(scenarios, feeder),
+        DistinctScenarios.among(scenarios, feeder),
         risk=risk,
     )
     assert len(set(program.leaves)) > 3
     cut, whole = (
-        solve_storms(program, algorithm=name, relative_gap=1e-8)
+        solve_scenario_program(program, algorithm=name, relative_gap=1e-8)
         for name in ("lshaped", "extensive")
     )
     assert cut.solved.objective == pytest.approx(whole.solved.objective, rel=1e-7)

@@ -62,7 +62,7 @@ def test_hours_that_the_law_of_repair_cannot_have_are_listed_with_the_rest(koinu
     bad = koinu.storm.model_copy(update={"repair": table, "pole": "polle"})
     with pytest.raises(CaseError) as caught:
         storm(koinu.replace(storm=bad))
-    found = {(one.table, one.key): one for one in caught.value.problems}
+    found = {(one.table, one.key): one for one in caught.value.mistakes}
     assert found.keys() == {("[storm]", "pole"), ("[storm.repair]", "hours")}
     assert "uniform" in found["[storm.repair]", "hours"].hint
 

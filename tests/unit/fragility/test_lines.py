@@ -14,8 +14,8 @@ from spans import WEAK, gusts, passing, poles
 from resilience.errors import UsageError
 from resilience.fragility.lines.curves import CURVES, Curve, hardened
 from resilience.fragility.lines.spans import (
-    Lines,
     Series,
+    SpannedLines,
     failure_probability,
     joint_probability,
     poles_in_series,
@@ -29,7 +29,7 @@ SERIES = {  # n: {correlation: probability}, elements of 0.05 each
 }
 
 
-def at_p(lines: Lines) -> np.ndarray:
+def at_p(lines: SpannedLines) -> np.ndarray:
     return failure_probability(lines, gusts(np.full((len(lines.span_line), 1), AT_P)))
 
 
@@ -107,7 +107,7 @@ def test_poles_conductors_and_hardening_in_series() -> None:
 
 
 def test_counts_are_exponents_and_a_line_without_poles_stands() -> None:
-    lines = Lines(("a", "b"), np.zeros(2, int), (Series(WEAK, np.array([3.0, 0.0])),), 0.4)
+    lines = SpannedLines(("a", "b"), np.zeros(2, int), (Series(WEAK, np.array([3.0, 0.0])),), 0.4)
     found = failure_probability(lines, gusts([[38.0], [90.0]]))
     assert found == pytest.approx([failure_probability(poles([3], 0.4), gusts([[38.0]] * 3))[0], 0])
 
@@ -155,7 +155,7 @@ def test_another_wind_than_the_curve_wants_is_refused() -> None:
 
 def test_no_lines() -> None:
     with pytest.raises(UsageError, match=r"correlation 1\.5.*unknown line.*bearings.*counts"):
-        Lines(("a",), np.array([0, 1]), (Series(WEAK, np.ones(3)),), 1.5, np.zeros(3))
+        SpannedLines(("a",), np.array([0, 1]), (Series(WEAK, np.ones(3)),), 1.5, np.zeros(3))
     with pytest.raises(UsageError, match="hardened line c; allowed: a, b"):
         poles_in_series(["a", "b"], np.array([0, 1]), hardened_by={"c": 2.0})
     with pytest.raises(UsageError, match="line c; allowed"):

@@ -62,7 +62,7 @@ def test_every_bad_row_is_reported(tmp_path: Path) -> None:
     )
     with pytest.raises(CaseError) as caught:
         load_scenarios(path, CASE)
-    found = [(p.table, p.key, p.value, p.allowed) for p in caught.value.problems]
+    found = [(p.table, p.key, p.value, p.allowed) for p in caught.value.mistakes]
     assert found == [
         ("row 3", "scenario", "'-1'", "a whole number, 0 to 1000000"),
         ("row 4", "line", "'2-1'", "a line of the network"),
@@ -73,7 +73,7 @@ def test_every_bad_row_is_reported(tmp_path: Path) -> None:
         ("row 9", "weight", "'many'", "a number, 0 or more"),
         ("row 10", "stop", "''", "a whole number, 5 to 96"),
     ]
-    assert all(p.hint for p in caught.value.problems)
+    assert all(p.hint for p in caught.value.mistakes)
     assert "did you mean 1-2?" in str(caught.value)
 
 

@@ -10,7 +10,7 @@ from resilience.fragility.beliefs.conditional import Known
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing, accumulated, failed_by
 from resilience.fragility.lines.spans import (
-    Lines,
+    SpannedLines,
     SpanWind,
     factor_nodes,
     poles_in_series,
@@ -26,7 +26,7 @@ NAMES = ("a", "b", "c")
 FIXED = Repair("fixed", (1.0,), wind_limit_mps=200.0)
 
 
-def lines(correlation: float) -> Lines:
+def lines(correlation: float) -> SpannedLines:
     """Three lines of 3, 5 and 2 poles."""
     return poles_in_series(NAMES, np.repeat([0, 1, 2], [3, 5, 2]), correlation=correlation)
 

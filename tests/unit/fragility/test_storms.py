@@ -13,14 +13,14 @@ from resilience.errors import UsageError
 from resilience.fragility.lines.curves import Curve
 from resilience.fragility.lines.damage import RUNNING_MAX, Timing, accumulated, failed_by
 from resilience.fragility.lines.spans import (
-    Lines,
+    SpannedLines,
     SpanWind,
     failure_probability,
     joint_probability,
     scores,
     span_speed,
 )
-from resilience.fragility.outages.failure_clock import Clock
+from resilience.fragility.outages.failure_clock import FailureClock
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
@@ -70,7 +70,7 @@ def test_importance_sampling_finds_what_is_rare() -> None:
     assert spread[1] < spread[0] / 3.0
 
 
-def estimate(lines: Lines, wind: SpanWind, n: int, seed: int, shift: float) -> float:
+def estimate(lines: SpannedLines, wind: SpanWind, n: int, seed: int, shift: float) -> float:
     """Of the first line's chance to fail."""
     found = sample_storms(lines, wind, n, seed, repair=None, sampling=Sampling(shift))
     return float(found.down[0, -1] @ found.probability)
@@ -136,7 +136,7 @@ def test_a_repaired_line_fails_as_a_new_one(rho: float, timing: Timing) -> None:
     z = np.random.default_rng(2).standard_normal(N)
     e = np.random.default_rng(3).standard_exponential(2 * N)
     line, scenario = np.repeat([0, 1], N), np.tile(np.arange(N), 2)
-    clock = Clock(lines, score, z, timing)
+    clock = FailureClock(lines, score, z, timing)
     found = clock.first(line, scenario, e, start)
     assert (found >= start).all()
     exact = failed_by(lines, gusts(late), timing)
@@ -151,7 +151,7 @@ def test_interpolation_in_the_common_factor_is_exact_enough(rho: float) -> None:
     lines = poles([20, 90], rho)
     score = scores(lines, span_speed(lines, passing(lines)))
     z = np.random.default_rng(2).standard_normal(400)
-    clock = Clock(lines, score, z, RUNNING_MAX)
+    clock = FailureClock(lines, score, z, RUNNING_MAX)
     exact = accumulated(lines, score, z, RUNNING_MAX)
     scenario = np.arange(400)
     for line, slot in ((1, 47), (0, 20), (1, 22)):
@@ -169,10 +169,10 @@ def test_table_and_direct_evaluation_find_the_same_failures(rho: float) -> None:
     rng = np.random.default_rng(2)
     z, e = rng.standard_normal(3000), rng.standard_exponential(6000)
     line, scenario = np.repeat([0, 1], 3000), np.tile(np.arange(3000), 2)
-    found = Clock(lines, score, z, RUNNING_MAX).first(line, scenario, e, 0)
+    found = FailureClock(lines, score, z, RUNNING_MAX).first(line, scenario, e, 0)
     assert 0.1 < (found < 48).mean() < 0.9
     for part in np.split(np.arange(3000), 40):
-        clock = Clock(lines, score, z[part], RUNNING_MAX)
+        clock = FailureClock(lines, score, z[part], RUNNING_MAX)
         mine = np.concatenate([part, part + 3000])
         direct = clock.first(line[mine], np.tile(np.arange(75), 2), e[mine], 0)
         assert (direct == found[mine]).all()

@@ -10,12 +10,12 @@ import pytest
 from small import small
 
 from resilience.models.backends import bonmin
-from resilience.models.case_program import Problem, horizon
-from resilience.models.methods import METHODS, Options
+from resilience.models.case_program import CaseProgram, horizon
+from resilience.models.methods import METHODS, MethodOptions
 
 
 @pytest.fixture
-def problem() -> Problem:
+def problem() -> CaseProgram:
     """Two buses and a lossy line; the cheap generator has a minimum that two slots do not need."""
     unit = {"bus": "2", "p_max_mw": 1.0, "q_max_mvar": 1.0}
     case = small(
@@ -35,17 +35,17 @@ def problem() -> Problem:
     return horizon(case, "distflow")
 
 
-def test_bonmin_agrees_with_minlp_and_scip(problem: Problem) -> None:
+def test_bonmin_agrees_with_minlp_and_scip(problem: CaseProgram) -> None:
     found = bonmin.solve_apart(problem.standard, problem.vectors, 60.0)
     assert found.status == "optimal"
     on = found.point[problem.standard.columns("generator.on")]
     np.testing.assert_allclose(on[0], [0.0, 1.0, 0.0], atol=1e-6)
     for method in ("minlp", "exact"):
-        answer = METHODS[method][0](problem, Options(60.0, 1e-6))
+        answer = METHODS[method][0](problem, MethodOptions(60.0, 1e-6))
         assert found.objective == pytest.approx(answer.objective, rel=1e-5)
 
 
-def test_a_crash_is_no_answer(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_crash_is_no_answer(problem: CaseProgram, monkeypatch: pytest.MonkeyPatch) -> None:
     def crash(*_: Any, **__: Any) -> None:
         raise subprocess.CalledProcessError(-6, "bonmin")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.network import islands as module
 from resilience.models.network.islands import Islands
 
@@ -42,16 +42,16 @@ def test_a_pattern_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         Islands, "_search", lambda self, up: (searched.append(up.shape[1]), search(self, up))[1]
     )
-    grid = microgrid(rs.load_case("ieee33"), "copperplate")
-    names = grid.case.network.line_names
+    microgrid = Microgrid.of(rs.load_case("ieee33"), "copperplate")
+    names = microgrid.case.network.line_names
     rng = np.random.default_rng(0)
     for _ in range(20):
         up = np.ones((len(names), 300), bool)
-        up[grid.lines_of] = rng.random((4, 300)) < 0.5
-        agree(grid.islands, up[grid.lines_of])
-        situation = grid.situation(up)
-        assert (situation.island == grid.islands.of(up[grid.lines_of])[0]).all()
-    assert sum(searched) == grid.islands.patterns == 16
+        up[microgrid.lines_of] = rng.random((4, 300)) < 0.5
+        agree(microgrid.islands, up[microgrid.lines_of])
+        situation = microgrid.situation(up)
+        assert (situation.island == microgrid.islands.of(up[microgrid.lines_of])[0]).all()
+    assert sum(searched) == microgrid.islands.patterns == 16
 
 
 def test_a_full_table_starts_anew_and_stays_right(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small import small
 
-from resilience.models.case_program import Problem, horizon
+from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.standard import Standard
@@ -14,12 +14,12 @@ from resilience.models.program.unroll import unroll
 
 
 @pytest.fixture(scope="module")
-def day() -> Problem:
+def day() -> CaseProgram:
     unit = {"p_max_mw": 1.0, "e_mwh": 2.0}
     return horizon(small(slots=48, step_min=30.0, ess=[unit, unit], terminal=1.0), "copperplate")
 
 
-def test_rows_and_columns_name_device_and_time(day: Problem) -> None:
+def test_rows_and_columns_name_device_and_time(day: CaseProgram) -> None:
     problem = day.standard
     assert problem.row_name(problem.rows("ess.dynamics")[1, 29]) == "ess.dynamics[ess2, 14:30]"
     assert problem.column_name(problem.columns("ess.charge")[0, 0]) == "ess.charge[ess1, 00:00]"

@@ -11,7 +11,7 @@ from resilience.case import Case
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.evaluation.comparison import Comparison
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import Trajectory, World, simulate
 
 SLOTS = 24
@@ -46,7 +46,7 @@ def cut(case: Case) -> Scenarios:
 
 def compared(case: Case, scenarios: Scenarios, names: Sequence[str]) -> Comparison:
     """What `compare` does, with a bound that is a thousandth below the cheapest method."""
-    world = World.of(microgrid(case, "copperplate"), scenarios)
+    world = World.of(Microgrid.of(case, "copperplate"), scenarios)
     runs = {name: simulate(world, DISPATCHERS[name](world)) for name in names}
     value = case.terminal_value_per_mwh
     cost = {name: run.objective(value) for name, run in runs.items()}

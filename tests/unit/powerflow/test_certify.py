@@ -9,9 +9,9 @@ from small import small
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
 from resilience.models.case_program import status
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.network.ac_check import connected, roots
-from resilience.planning.ac_check import certify
+from resilience.planning.ac_check import ac_check_plan
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve
 
@@ -22,7 +22,7 @@ def ac() -> Plan:
 
 
 def test_a_distflow_plan_is_its_own_power_flow(ac: Plan) -> None:
-    found = certify(ac)
+    found = ac_check_plan(ac)
     planned = ac.tables["voltage"].values
     live = ac.tables["island"].values > 0
     assert found.slots == 96
@@ -36,14 +36,14 @@ def test_a_distflow_plan_is_its_own_power_flow(ac: Plan) -> None:
 
 
 def test_a_saved_plan_has_the_same_certificate(ac: Plan, tmp_path: Path) -> None:
-    again = certify(load_plan(ac.save(tmp_path / "plan")))
-    assert again == certify(ac)
+    again = ac_check_plan(load_plan(ac.save(tmp_path / "plan")))
+    assert again == ac_check_plan(ac)
 
 
 @pytest.mark.parametrize("physics", ["lindistflow", "copperplate"])
 def test_losses_that_a_plan_neglects_are_unfunded(physics: str) -> None:
     plan = solve("ieee33", "lp", physics=physics)
-    found = certify(plan)
+    found = ac_check_plan(plan)
     assert not found.not_converged
     assert found.plan_loss_mwh == pytest.approx(0.0, abs=1e-9)
     assert found.unfunded_mwh == pytest.approx(found.loss_mwh) != 0.0
@@ -71,7 +71,7 @@ def feeder(**more: float) -> Case:
 
 
 def test_worst_values_have_their_place_and_time() -> None:
-    found = certify(solve(feeder(), "lp", physics="copperplate"))
+    found = ac_check_plan(solve(feeder(), "lp", physics="copperplate"))
     under, over, load = found.undervoltage, found.overvoltage, found.overload
     assert under is not None
     assert (under.name, under.time, under.limit) == ("3", "00:00", 0.9)
@@ -106,7 +106,7 @@ def test_the_root_is_the_grid_or_else_the_largest_forming_unit() -> None:
 
 def test_an_island_without_forming_unit_is_dead() -> None:
     plan = solve(feeder(grid_forming=False), "lp", physics="copperplate")
-    found = certify(plan)
+    found = ac_check_plan(plan)
     assert np.isnan(found.flow.v_pu[1:, 1]).all()
     assert not found.not_converged
     assert found.flow.loss_mw[1] == 0.0
@@ -118,7 +118,7 @@ def test_a_slot_without_solution_is_named_and_counts_in_nothing() -> None:
     thin = small(slots=2, buses=3, lines=lines, outages=["1-2@01:00-02:00"],
                  **{k: [t.model_dump() for t in getattr(case, k)]
                     for k in ("grid", "generator", "load")})  # fmt: skip
-    found = certify(solve(thin, "lp", physics="copperplate"))
+    found = ac_check_plan(solve(thin, "lp", physics="copperplate"))
     assert found.not_converged == ("00:00",)
     assert not found.ok
     assert found.undervoltage is not None
@@ -130,8 +130,8 @@ def test_it_needs_the_case_and_its_whole_network(ac: Plan) -> None:
     from dataclasses import replace
 
     with pytest.raises(UsageError, match="without its case"):
-        certify(replace(ac, case=None))
+        ac_check_plan(replace(ac, case=None))
     case = load_case("ieee33")
-    merged = microgrid(case, "copperplate").situation(status(case))
+    merged = Microgrid.of(case, "copperplate").situation(status(case))
     with pytest.raises(UsageError, match="the situation has 5 buses, the case 33"):
         roots(case, merged)

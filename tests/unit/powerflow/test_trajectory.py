@@ -12,11 +12,11 @@ from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation import ac_check as certify
-from resilience.evaluation.ac_check import certify_trajectory
+from resilience.evaluation.ac_check import ac_check_trajectory
 from resilience.evaluation.measures.measures import demand
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.network.ac_check import connected, roots
 from resilience.simulation.world import World, simulate
 
@@ -26,14 +26,14 @@ ONE = np.ones(1)
 @pytest.fixture(scope="module")
 def world() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
-    return World.of(microgrid(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
+    return World.of(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
 
 
 def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
     """Calm slots and islanded ones, injections put together anew from the case's tables."""
-    case, network = world.grid.case, world.grid.case.network
+    case, network = world.microgrid.case, world.microgrid.case.network
     run = simulate(world, DISPATCHERS["rule"](world))
-    found = certify_trajectory(world, run)
+    found = ac_check_trajectory(world, run)
     served = demand(world) - run.flow("load.shed")
     outages = (~world.line_up).sum(0)
     often = np.unravel_index(np.argsort(outages, axis=None)[-3:], outages.shape)
@@ -69,9 +69,9 @@ def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
 
 def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     run = simulate(world, DISPATCHERS["rule"](world))
-    whole = certify_trajectory(world, run)
+    whole = ac_check_trajectory(world, run)
     monkeypatch.setattr(certify, "MEMBERS", 40)
-    small_pieces = certify_trajectory(world, run)
+    small_pieces = ac_check_trajectory(world, run)
     for name in vars(whole.found):
         np.testing.assert_allclose(whole.values(name), small_pieces.values(name), atol=1e-9)
 
@@ -91,14 +91,14 @@ def line(r: float, **more: float) -> World:
     down = np.zeros((1, 2, 2), bool)
     down[0, 1, 1] = True
     return World.of(
-        microgrid(case, "copperplate"), rs.Scenarios(("1-2",), down, np.array([0.5, 0.5]))
+        Microgrid.of(case, "copperplate"), rs.Scenarios(("1-2",), down, np.array([0.5, 0.5]))
     )
 
 
 def test_the_grid_gives_the_losses_and_exceeds_its_limit_by_them() -> None:
     """1 MW over r = 0.05 pu from 1 pu: v² - v + 0.05 = 0, losses 1/v - 1; alone there are none."""
     world = line(0.05)
-    found = certify_trajectory(world, simulate(world, Idle(world)))
+    found = ac_check_trajectory(world, simulate(world, Idle(world)))
     v = (1 + np.sqrt(1 - 4 * 0.05)) / 2
     assert found.values("v_min_pu") == pytest.approx(np.array([[v, v], [v, 1.0]]), abs=1e-8)
     loss = 1 / v - 1
@@ -120,7 +120,7 @@ def test_members_without_solution_are_masked_and_counted() -> None:
     """1 MW over 0.3 pu is more than the line can carry; the island beside it has a voltage."""
     world = line(0.3)
     likely = world.scenarios.probability
-    found = certify_trajectory(world, simulate(world, Idle(world)))
+    found = ac_check_trajectory(world, simulate(world, Idle(world)))
     assert found.converged.tolist() == [[False, False], [False, True]]
     assert found.not_converged_share(likely) == 0.75
     assert found.worst().not_converged == 3

@@ -9,7 +9,7 @@ import pytest
 from small import small
 
 from resilience.case import Case
-from resilience.models.microgrid import microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import Simulator, Step
 
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}
@@ -19,11 +19,11 @@ GRID = {"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}
 
 def stepped(case: Case, action: Any, *up: list[bool]) -> tuple[Simulator, Step]:
     """One hour with storage half full; a row of `up` per line, a column per member."""
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
     asked = np.array(action)
     status = np.array(up, bool).reshape(len(up), asked.shape[1])
-    situation = simulator.grid.situation(status, lambda _: np.ones(asked.shape[1]))
-    data = simulator.stacked(simulator.grid.data(situation))
+    situation = simulator.microgrid.situation(status, lambda _: np.ones(asked.shape[1]))
+    data = simulator.stacked(simulator.microgrid.data(situation))
     energy = np.broadcast_to((simulator.low + simulator.high) / 2, asked.shape)
     return simulator, simulator.step(energy, asked, data, situation.island)
 

@@ -11,16 +11,16 @@ from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.case import Case
-from resilience.models.microgrid import microgrid
-from resilience.models.simulator import Recourse, Simulator, Step
+from resilience.models.microgrid import Microgrid
+from resilience.models.simulator import RecourseRule, Simulator, Step
 
 
-def one(case: Case, recourse: Recourse, *action: float, up: bool = True) -> dict[str, Any]:
+def one(case: Case, recourse: RecourseRule, *action: float, up: bool = True) -> dict[str, Any]:
     """One step of one member with storage half full, by name."""
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0, recourse)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0, recourse)
     lines = len(case.network.line_names)
-    situation = simulator.grid.situation(np.full((lines, 1), up), lambda _: np.ones(1))
-    data = simulator.stacked(simulator.grid.data(situation))
+    situation = simulator.microgrid.situation(np.full((lines, 1), up), lambda _: np.ones(1))
+    data = simulator.stacked(simulator.microgrid.data(situation))
     energy = (simulator.low + simulator.high) / 2
     asked = np.array(action, float).reshape(-1, 1)
     step: Step = simulator.step(energy, asked, data, situation.island)
@@ -126,7 +126,7 @@ def test_the_paper_does_not_know_blocks() -> None:
     load = {"p_max_mw": 1.0, "shed_cost_per_mwh": 2.0, "block": True}
     case = small(load=[load], generator=[{"p_max_mw": 1.0}])
     with pytest.raises(rs.UsageError, match="load1 can only be shed whole"):
-        Simulator(microgrid(case, "copperplate"), 1.0, "paper")
+        Simulator(Microgrid.of(case, "copperplate"), 1.0, "paper")
 
 
 def blocks(generator: float, *sizes: tuple[float, float], loose: float = 0.0) -> Case:
@@ -173,7 +173,7 @@ def test_an_overshoot_cuts_discharging_back_and_steps_say_that_blocks_are_heuris
     assert found["load.shed[load1]"] == pytest.approx(1.5)
     assert found["ess1"] == pytest.approx(0.0)
     assert found["spill"] == 0.0
-    simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
     assert simulator.heuristic == ("load.shed[load1]",)
 
 
@@ -184,7 +184,7 @@ def test_blocks_keep_the_balance_and_are_never_better_than_the_optimum() -> None
         sizes = [(float(rng.uniform(0.2, 1.0)), float(rng.uniform(2, 9))) for _ in range(4)]
         case = blocks(float(rng.uniform(0.5, 2.5)), *sizes, loose=0.4)
         case = case.replace(ess=[])
-        simulator = Simulator(microgrid(case, "copperplate"), 1.0)
+        simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
         seen = scene(simulator, 1, rng)
         step = simulator.step(*seen.all)
         assert_sound(simulator, seen, step)

@@ -15,31 +15,31 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import horizon, status
 from resilience.models.language.tree import Tree
-from resilience.models.microgrid import Microgrid, microgrid
+from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator
 
 
 @pytest.fixture(scope="module")
-def grid() -> Microgrid:
-    return microgrid(rs.load_case("ieee33"), "copperplate")
+def microgrid() -> Microgrid:
+    return Microgrid.of(rs.load_case("ieee33"), "copperplate")
 
 
 @pytest.fixture(scope="module")
-def simulator(grid: Microgrid) -> Simulator:
-    return Simulator(grid, 0.25)
+def simulator(microgrid: Microgrid) -> Simulator:
+    return Simulator(microgrid, 0.25)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_recourse_is_the_one_slot_linear_program(
-    grid: Microgrid, simulator: Simulator, seed: int
+    microgrid: Microgrid, simulator: Simulator, seed: int
 ) -> None:
     """With storage as the step left it, no dispatch of the other devices is cheaper."""
     seen = scene(simulator, 25, np.random.default_rng(seed))
     step = simulator.step(*seen.all)
     assert simulator.heuristic == ()
     assert step.spill.max() < 1e-9
-    problem = unroll([grid.stage(0.25)], Tree.chain(["now"]))
+    problem = unroll([microgrid.stage(0.25)], Tree.chain(["now"]))
     solver = Highs(lower(problem, exact={}))
     for k in range(seen.energy.shape[1]):
         one = {name: values[:, [k]] for name, values in seen.named.items()}
@@ -56,9 +56,9 @@ def test_recourse_is_the_one_slot_linear_program(
 
 @pytest.mark.parametrize("recourse", ["economic", "paper"])
 def test_a_hundred_thousand_steps_violate_no_bound_and_conserve_energy(
-    grid: Microgrid, recourse: Any
+    microgrid: Microgrid, recourse: Any
 ) -> None:
-    simulator = Simulator(grid, 0.25, recourse)
+    simulator = Simulator(microgrid, 0.25, recourse)
     rng, members = np.random.default_rng(7), 20_000
     for _ in range(5):
         seen = scene(simulator, members, rng, reach=3.0)
@@ -97,8 +97,8 @@ def test_data_of_one_column_serve_the_whole_batch(simulator: Simulator) -> None:
 
 
 @pytest.mark.parametrize("kind", [Simulator, NetworkSimulator])
-def test_a_copy_sent_to_another_process_steps_alike(grid: Microgrid, kind: Any) -> None:
-    simulator = kind(grid, 0.25)
+def test_a_copy_sent_to_another_process_steps_alike(microgrid: Microgrid, kind: Any) -> None:
+    simulator = kind(microgrid, 0.25)
     seen = scene(simulator, 3, np.random.default_rng(1))
     ours = simulator.step(*seen.all)
     theirs = pickle.loads(pickle.dumps(simulator)).step(*seen.all)
@@ -116,10 +116,10 @@ def test_prices_must_agree_within_a_batch(simulator: Simulator) -> None:
 
 @pytest.mark.parametrize("recourse", ["economic", "paper"])
 def test_numpy_equals_torch_and_its_gradient_is_the_finite_difference(
-    grid: Microgrid, recourse: Any
+    microgrid: Microgrid, recourse: Any
 ) -> None:
     torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
-    simulator = Simulator(grid, 0.25, recourse)
+    simulator = Simulator(microgrid, 0.25, recourse)
     seen = scene(simulator, 64, np.random.default_rng(11))
     plain = simulator.step(*seen.all)
 
@@ -160,14 +160,14 @@ def test_single_precision_is_kept_by_numpy_and_torch(simulator: Simulator) -> No
         np.testing.assert_allclose(other.numpy(), getattr(whole, name), atol=2e-5)
 
 
-def test_a_plan_stepped_has_its_cost_and_its_states(grid: Microgrid) -> None:
+def test_a_plan_stepped_has_its_cost_and_its_states(microgrid: Microgrid) -> None:
     """At copperplate the optimum's storage decisions alone, stepped, cost what the plan says."""
-    case = grid.case
+    case = microgrid.case
     problem = horizon(case, "copperplate")
     plan = rs.solve(case, "lp", physics="copperplate")
-    simulator = Simulator(problem.grid, case.step_h)
-    situation = problem.grid.situation(status(case))
-    data = simulator.stacked(problem.grid.data(situation))
+    simulator = Simulator(problem.microgrid, case.step_h)
+    situation = problem.microgrid.situation(status(case))
+    data = simulator.stacked(problem.microgrid.data(situation))
     energy = problem.x0["ess.energy"][:, None]
     spent = 0.0
     for t in range(case.slots):
@@ -180,12 +180,12 @@ def test_a_plan_stepped_has_its_cost_and_its_states(grid: Microgrid) -> None:
 
 def test_what_a_step_cannot_hold_is_refused_all_at_once() -> None:
     with pytest.raises(rs.UsageError, match=r"generator\.on.*generator\.up_left") as refused:
-        Simulator(microgrid(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
+        Simulator(Microgrid.of(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
     assert refused.value.hint == (
         "it steps cases without commitment, ramps, cost curves, switchable lines and line ratings"
     )
     with pytest.raises(rs.UsageError, match="steps copperplate physics, not lindistflow"):
-        Simulator(microgrid(rs.load_case("ieee33"), "lindistflow"), 0.25)
+        Simulator(Microgrid.of(rs.load_case("ieee33"), "lindistflow"), 0.25)
 
 
 @pytest.mark.parametrize(
@@ -208,9 +208,9 @@ def test_each_thing_that_a_step_cannot_hold(
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
     )
     with pytest.raises(rs.UsageError, match=named):
-        Simulator(microgrid(case, "copperplate"), 1.0)
+        Simulator(Microgrid.of(case, "copperplate"), 1.0)
 
 
-def test_an_unknown_recourse_is_refused(grid: Microgrid) -> None:
+def test_an_unknown_recourse_is_refused(microgrid: Microgrid) -> None:
     with pytest.raises(rs.UsageError, match="'cheap' is unknown; allowed: economic, paper"):
-        Simulator(grid, 0.25, "cheap")  # type: ignore[arg-type]
+        Simulator(microgrid, 0.25, "cheap")  # type: ignore[arg-type]

@@ -26,14 +26,14 @@ GOOD: dict[str, Any] = {"time": TIMES, "lat": [20, 21], "lon": [115, 116], "vmax
 def mistakes(columns: dict[str, Any], **about: Any) -> list[tuple[str, str]]:
     with pytest.raises(CaseError) as caught:
         track_of(columns, **({"averaging_s": 60} | about))
-    return [(problem.table, problem.key) for problem in caught.value.problems]
+    return [(problem.table, problem.key) for problem in caught.value.mistakes]
 
 
 def test_every_mistake_of_a_file(tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text(BAD, encoding="utf-8")
     with pytest.raises(CaseError) as caught:
         read_track(tmp_path / "bad.csv")
-    found = [(problem.table, problem.key) for problem in caught.value.problems]
+    found = [(problem.table, problem.key) for problem in caught.value.mistakes]
     rows = [table for table, _ in found if table.startswith("row")]
     assert rows == sorted(rows)
     assert set(found) == {
@@ -104,7 +104,7 @@ def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
     path.write_text("66666 1409  3 0011 1409 0 6 X 20150324\n2014071800 6 191\n", "utf-8")
     with pytest.raises(CaseError) as caught:
         read_track(path)
-    assert {(p.table, p.key) for p in caught.value.problems} == {
+    assert {(p.table, p.key) for p in caught.value.mistakes} == {
         ("X", "rows"),
         ("row 2", "row"),
         ("track", "points"),
@@ -112,7 +112,7 @@ def test_rows_missing_from_agency_files(tmp_path: Path) -> None:
     path.write_text("AL092017, X, 2,\n20170825, 1800,  , HU, 27.1N\n", "utf-8")
     with pytest.raises(CaseError) as caught:
         read_track(path)
-    assert {(p.table, p.key) for p in caught.value.problems} == {
+    assert {(p.table, p.key) for p in caught.value.mistakes} == {
         ("AL092017", "rows"),
         ("row 2", "columns"),
     }
@@ -163,7 +163,7 @@ def test_a_stray_quotation_mark_spoils_one_row(tmp_path: Path) -> None:
     path.write_text("time,lat,lon,vmax_mps\n" + rows, "utf-8")
     with pytest.raises(CaseError) as caught:
         read_track(path, averaging_s=60)
-    assert [(p.table, p.key) for p in caught.value.problems] == [("row 3", "vmax_mps")]
+    assert [(p.table, p.key) for p in caught.value.mistakes] == [("row 3", "vmax_mps")]
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_heading_that_means_a_field_in_another_unit_is_refused(heading: str) -
     columns = GOOD | {"pressure_hpa": [950, 950], heading: [40, 40]}
     with pytest.raises(CaseError) as caught:
         track_of(columns, averaging_s=60)
-    (found,) = caught.value.problems
+    (found,) = caught.value.mistakes
     assert (found.table, found.key) == ("heading", heading)
     for name in ("vmax_mps", "vmax_kt", "pressure_hpa", "rmw_nmi", "penv_hpa"):
         assert name in found.allowed

@@ -57,9 +57,9 @@ def test_their_knots_taken_for_metres_per_second_do_not(name: str) -> None:
     given["vmax_mps"] = given.pop("vmax_kt")
     with pytest.raises(CaseError) as caught:
         track_of(given, averaging_s=averaging_s)
-    assert {problem.key for problem in caught.value.problems} == {"vmax_mps"}
+    assert {problem.key for problem in caught.value.mistakes} == {"vmax_mps"}
     if max(knots for _, knots in intensity) <= 110:
-        (found,) = caught.value.problems
+        (found,) = caught.value.mistakes
         assert found.table == "track"
         assert "m/s at" in found.value
         assert "vmax_kt" in found.hint
@@ -99,7 +99,7 @@ def test_a_real_file_with_knots_under_metres_per_second(
     assert read_track(tmp_path / "right.csv", averaging_s=averaging_s).vmax_mps.max() < 57.0
     with pytest.raises(CaseError) as caught:
         read_track(tmp_path / "slip.csv", averaging_s=averaging_s)
-    assert [(p.table, p.key) for p in caught.value.problems] == [("track", "vmax_mps")]
+    assert [(p.table, p.key) for p in caught.value.mistakes] == [("track", "vmax_mps")]
 
 
 def test_a_column_in_knots_is_suspected_where_it_does_not_fit() -> None:

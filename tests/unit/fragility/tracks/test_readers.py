@@ -178,7 +178,7 @@ def test_an_averaging_time_must_not_contradict_the_format(
     for other in {60.0, 120.0, 180.0, 600.0} - {stated}:
         with pytest.raises(CaseError) as caught:
             read_track(path, averaging_s=other, **options)
-        (found,) = caught.value.problems
+        (found,) = caught.value.mistakes
         assert (found.key, found.allowed) == ("averaging_s", own)
         assert f"{other:g}" in found.value
         assert "leave it out" in found.hint
@@ -228,7 +228,7 @@ def test_hurdat2_places_need_their_hemisphere(old: str, new: str, key: str, tmp_
     path = written(tmp_path, HURDAT2.replace(old, new).replace("HU, 28.0N", "HU, 28.0"))
     with pytest.raises(CaseError) as caught:
         read_track(path, storm="HARVEY")
-    found = caught.value.problems
+    found = caught.value.mistakes
     assert [(p.table, p.key) for p in found] == [("row 3", key), ("row 4", "lat")]
     assert found[0].value == (new or "nothing")
     assert found[0].allowed.startswith("degrees and ")
