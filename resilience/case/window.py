@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from math import ceil, floor
 
+from resilience.tolerances import SLOT_TOLERANCE
+
 _MINUTE = timedelta(minutes=1)
 
 
@@ -44,8 +46,8 @@ class Window:
     def span(self, first: datetime, stop: datetime) -> tuple[int, int]:
         """Return `(first slot, stop slot)` of all slots that `[first, stop)` touches, clipped."""
         step = self.step_min * _MINUTE
-        start_slot = floor((first - self.start) / step + 1e-9)
-        stop_slot = ceil((stop - self.start) / step - 1e-9)
+        start_slot = floor((first - self.start) / step + SLOT_TOLERANCE)
+        stop_slot = ceil((stop - self.start) / step - SLOT_TOLERANCE)
         return max(start_slot, 0), min(stop_slot, self.slots)
 
     def __str__(self) -> str:

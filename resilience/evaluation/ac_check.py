@@ -16,7 +16,8 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.evaluation.measures.measures import demand
-from resilience.models.network.ac_check import TOLERANCE, Carried, carry
+from resilience.models.network.ac_check import Carried, carry
+from resilience.tolerances import AC_LIMIT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.simulation.trajectory import Trajectory
@@ -79,7 +80,7 @@ class TrajectoryACCheck:
     def outside(self) -> Bools:
         """Members in which a voltage, a rating or a forming unit's range is exceeded."""
         names = ("v_excess_pu", "overload_mva", "root_excess_mw")
-        return np.any([self.values(name) > TOLERANCE for name in names], axis=0)
+        return np.any([self.values(name) > AC_LIMIT_TOLERANCE for name in names], axis=0)
 
     @property
     def lowest_pu(self) -> float:

@@ -12,6 +12,7 @@ from resilience.evaluation.ac_check import TrajectoryACCheck
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.models.program import risk_measures
+from resilience.tolerances import PROBABILITY_TOLERANCE
 
 COLUMNS = {
     "cost_per_day": "expected $: operating cost less the worth of the energy left",
@@ -74,7 +75,7 @@ def row(judged: Judged, name: str, seed: int) -> dict[str, float]:
 
 def _costs(judged: Judged, name: str) -> dict[str, float]:
     cost, likely, days = judged.objective[name], judged.scenarios.probability, judged.days
-    alike = np.ptp(likely) <= 1e-12
+    alike = np.ptp(likely) <= PROBABILITY_TOLERANCE
     rule = judged.objective[judged.reference]
     return {
         "cost_per_day": statistics.expected(cost, likely) / days,

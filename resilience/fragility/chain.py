@@ -37,6 +37,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, sample_storms
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
 from resilience.fragility.wind import Wind, wind
+from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -237,7 +238,7 @@ def file_track(
 def slot_times(case: Case) -> NDArray[np.datetime64]:
     """(slots * moments,) UTC of the storm at moments within the slots, evenly spaced, rising."""
     table = case.storm or StormTable()
-    per_slot = int(np.ceil(case.step_min / FINEST_MIN - 1e-9))
+    per_slot = int(np.ceil(case.step_min / FINEST_MIN - SLOT_TOLERANCE))
     first = np.datetime64(table.utc(case.start), "ms")
     middle = (np.arange(case.slots * per_slot) + 0.5) * case.step_min / per_slot
     return (first + np.round(middle * 60_000).astype("timedelta64[ms]")).astype("datetime64[s]")

@@ -13,6 +13,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage
@@ -85,7 +86,7 @@ def _calendar(case: Case) -> tuple[int, int]:
     """Slots of a day, and slots from midnight to the start of the horizon."""
     start = case.start.hour * 60 + case.start.minute + case.start.second / 60
     found = DAY_MIN / case.step_min, start / case.step_min
-    if any(abs(x - round(x)) > 1e-9 for x in found):
+    if any(abs(x - round(x)) > SLOT_TOLERANCE for x in found):
         raise UsageError(
             f"slots of {case.step_min:g} min from {case.start:%H:%M} do not meet midnight; "
             "allowed: slots that divide a day, from a multiple of them on",
@@ -107,7 +108,7 @@ def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Da
     error = int(rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1))
     forecast = min(max(centre + error, 0), REFERENCE_SLOTS - 1)
     # As everywhere in a case, a slot that an outage touches at all is down.
-    return Day(forecast, draws < chance, np.ceil(lengths - 1e-9).astype(np.intp))
+    return Day(forecast, draws < chance, np.ceil(lengths - SLOT_TOLERANCE).astype(np.intp))
 
 
 def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:

@@ -16,9 +16,10 @@ from resilience.case import Case
 from resilience.case.schema import DeviceTable
 from resilience.errors import UsageError
 from resilience.models.case_program import status
-from resilience.models.network.ac_check import TOLERANCE, at_buses, carriers, connected, power_range
+from resilience.models.network.ac_check import at_buses, carriers, connected, power_range
 from resilience.models.network.powerflow import Flow, flow
 from resilience.planning.plan import Plan
+from resilience.tolerances import AC_LIMIT_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class PlanACCheck:
     def ok(self) -> bool:
         """Every slot has a solution and no limit is exceeded."""
         found = (self.undervoltage, self.overvoltage, self.overload, self.root)
-        within = all(worst is None or worst.excess <= TOLERANCE for worst in found)
+        within = all(worst is None or worst.excess <= AC_LIMIT_TOLERANCE for worst in found)
         return within and not self.not_converged
 
     def summary(self) -> dict[str, Any]:

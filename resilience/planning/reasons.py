@@ -6,8 +6,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
-
-NEAR = 1e-4
+from resilience.tolerances import AT_LIMIT_TOLERANCE
 
 REASONS = {
     "no source": "its island has no grid-forming unit",
@@ -32,7 +31,7 @@ def shed_reasons(program: CaseProgram, z: Floats) -> dict[str, dict[str, float]]
     island = as_switched(program, z).island[program.microgrid.at(case.load)]
     causes = _causes(program, z)
     found: dict[str, dict[str, float]] = {}
-    for i, t in np.argwhere(shed > NEAR):
+    for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE):
         table = case.load[int(i)]
         reason = _reason(causes, int(island[i, t]), int(t), table.block)
         mwh = float(shed[i, t]) * case.step_h
@@ -99,12 +98,12 @@ def _sources(program: CaseProgram, z: Floats) -> list[tuple[Ints, Bools, Bools]]
     for name, tables in fleets:
         if tables:
             columns = standard.columns(name)
-            full = z[columns] >= upper[columns] - NEAR
+            full = z[columns] >= upper[columns] - AT_LIMIT_TOLERANCE
             found.append((microgrid.at(tables), full, np.zeros_like(full)))
     if case.ess:
         columns, energy = standard.columns("ess.discharge"), standard.columns("ess.energy")
-        full = z[columns] >= upper[columns] - NEAR
-        starved = z[energy] <= program.vectors.lower[energy] + NEAR
+        full = z[columns] >= upper[columns] - AT_LIMIT_TOLERANCE
+        starved = z[energy] <= program.vectors.lower[energy] + AT_LIMIT_TOLERANCE
         found.append((microgrid.at(case.ess), full, starved))
     return found
 
@@ -113,7 +112,7 @@ def _asks_reactive(program: CaseProgram) -> Bools:
     """(loads, slots) whether a load asks for reactive power that the physics carries."""
     factors = np.array([t.power_factor for t in program.case.load])
     asks = (factors < 1.0) & program.standard.has("line.q")
-    return asks[:, None] & (program.data["load.demand"] > NEAR)
+    return asks[:, None] & (program.data["load.demand"] > AT_LIMIT_TOLERANCE)
 
 
 def _reactive_room(program: CaseProgram, z: Floats) -> tuple[Ints, Bools]:
@@ -125,7 +124,7 @@ def _reactive_room(program: CaseProgram, z: Floats) -> tuple[Ints, Bools]:
     for name, tables in (*fleets, ("ess", inverters[1])):
         if tables and standard.has(f"{name}.q"):
             columns = standard.columns(f"{name}.q")
-            below = z[columns] < program.vectors.upper[columns] - NEAR
+            below = z[columns] < program.vectors.upper[columns] - AT_LIMIT_TOLERANCE
             places.append(microgrid.at(tables))
             room.append(below & ~_at_disc(program, z, f"{name}.rating", below.shape))
     return np.concatenate(places), np.concatenate(room)
@@ -151,7 +150,8 @@ def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
         return none, none
     columns = standard.columns("bus.v_sq")
     low, high = program.vectors.lower[columns], program.vectors.upper[columns]
-    return (z[columns] <= low + NEAR) & (low < high), z[columns] >= high - NEAR
+    at_low = (z[columns] <= low + AT_LIMIT_TOLERANCE) & (low < high)
+    return at_low, z[columns] >= high - AT_LIMIT_TOLERANCE
 
 
 def _at_rating(program: CaseProgram, z: Floats) -> Bools:
@@ -162,5 +162,5 @@ def _at_rating(program: CaseProgram, z: Floats) -> Bools:
     if standard.has("line.q"):
         flow = flow + z[standard.columns("line.q")] ** 2
     rating = network.rating_mva[:, None]
-    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - NEAR)
+    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - AT_LIMIT_TOLERANCE)
     return near & as_switched(program, z).line_up

@@ -10,7 +10,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.backends.base import Status
-from resilience.models.methods.answer import CLOSED, Deadline, gap, remains, sides, violated, widest
+from resilience.models.methods.answer import Deadline, gap, remains, sides, violated, widest
 from resilience.models.program.standard import Standard
 from resilience.planning.scenario_program import ScenarioProgram, scenario_program
 from resilience.planning.two_stage.extensive import extensive
@@ -19,6 +19,7 @@ from resilience.planning.two_stage.master import Master
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
+from resilience.tolerances import RELAXATION_TOLERANCE, SCENARIO_GAP
 
 FEW_STORMS = 50
 FEW_COLUMNS = 20_000  # of the extensive form; beyond, cutting is faster even with few scenarios
@@ -52,7 +53,7 @@ def solve_scenario_program(
     program: ScenarioProgram,
     *,
     algorithm: str | None = None,
-    relative_gap: float = 1e-4,
+    relative_gap: float = SCENARIO_GAP,
     time_limit: float = np.inf,
 ) -> ScenarioResult:
     """The best trunk and its recourse.
@@ -148,7 +149,7 @@ def _kept(
         broken, wide = False, False
         for chain, (problem, z) in _pieces(two, found).items():
             elements = violated(problem, z)
-            wide = wide or widest(problem, z, "disc") > CLOSED
+            wide = wide or widest(problem, z, "disc") > RELAXATION_TOLERANCE
             if elements:
                 broken = True
                 (held if chain < 0 else holds.setdefault(chain, [])).append(

@@ -24,6 +24,7 @@ from resilience.planning.reasons import shed_reasons
 from resilience.planning.solve_scenarios import ScenarioOptions
 from resilience.planning.tables import balance, tabulate
 from resilience.progress import phase, stopwatch
+from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
 
 if TYPE_CHECKING:
     from resilience.planning.scenario_plan import ScenarioPlan
@@ -100,10 +101,12 @@ def solve(
         if scenario_based:
             from resilience.planning.solve_scenarios import plan_over_scenarios
 
-            limits = MethodOptions(time_limit, 1e-4 if relative_gap is None else relative_gap)
+            limits = MethodOptions(
+                time_limit, SCENARIO_GAP if relative_gap is None else relative_gap
+            )
             found = plan_over_scenarios(case, method, physics, outages, seed, limits, options)
         else:
-            limits = MethodOptions(time_limit, 1e-3 if relative_gap is None else relative_gap)
+            limits = MethodOptions(time_limit, PLAN_GAP if relative_gap is None else relative_gap)
             found = _deterministic(case, method, physics, outages, seed, limits)
     return replace(found, seconds=sum(seconds.values()), seconds_by_phase=seconds)
 

@@ -37,6 +37,7 @@ from resilience.planning.scenario_program import (
 from resilience.planning.tables import SlotTable
 from resilience.progress import phase
 from resilience.simulation.world import World, grid_with_fallible_lines, simulate
+from resilience.tolerances import SCENARIO_GAP, SHED_TOLERANCE_MWH
 
 
 class ScenarioOptions(TypedDict, total=False):
@@ -58,7 +59,6 @@ class ScenarioOptions(TypedDict, total=False):
 
 
 USUAL_SCENARIOS = 200
-SHED = 1e-6  # MWh from which on a scenario counts as shedding
 
 
 def scenarios_for(
@@ -152,7 +152,7 @@ def two_stage_plan(
     limits: MethodOptions | None = None,
 ) -> ScenarioPlan:
     """The best common schedule and its recourse; see `resilience.solve`."""
-    risk, limits = risk or Risk(), limits or MethodOptions(gap=1e-4)
+    risk, limits = risk or Risk(), limits or MethodOptions(gap=SCENARIO_GAP)
     with phase("model"):
         storms = DistinctScenarios.among(scenarios, case)
         microgrid = grid_with_fallible_lines(case, scenarios, physics)
@@ -230,7 +230,7 @@ def _described(
         expected_operating_cost=float(p @ found.operating_cost),
         expected_terminal_credit=float(p @ found.terminal_credit),
         expected_shed_mwh=float(p @ shed),
-        shed_probability=float(p[shed > SHED].sum()),
+        shed_probability=float(p[shed > SHED_TOLERANCE_MWH].sum()),
         scenarios=scenarios.n,
         different=0,
         seed=scenarios.seed,

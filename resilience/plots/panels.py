@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.plots.style import COLOURS, STORMY, aside, stairs, steps
+from resilience.tolerances import DRAWN_TOLERANCE_MW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,7 +56,7 @@ def draw_power(
 
 def draw_demand(axis: Axes, hours: Floats, demand: Floats, shed: Floats) -> None:
     """The demand as a line, and hatched below it what of it is not served."""
-    if shed.max(initial=0.0) > 1e-4:
+    if shed.max(initial=0.0) > DRAWN_TOLERANCE_MW:
         style = {"facecolor": "none", "edgecolor": COLOURS["shed"], "hatch": "/////"}
         stairs(axis, hours, demand - shed, demand, label="shed", **style)
     steps(axis, hours, demand, color=COLOURS["demand"], lw=1.0, label="demand")

@@ -12,6 +12,7 @@ from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.planning.plan import Plan
 from resilience.plots import panels, style
+from resilience.tolerances import DRAWN_TOLERANCE_MW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -122,7 +123,7 @@ def _shed(axis: Axes, plan: Plan, hours: Floats) -> None:
     style.stairs(axis, hours, np.zeros_like(total), total, color=style.COLOURS["shed"])
     axis.set_ylabel("shed, MW")
     axis.set_ylim(0.0, max(1.05 * total.max(), 0.1))
-    if total.max() < 1e-4:
+    if total.max() < DRAWN_TOLERANCE_MW:
         axis.set_yticks([0.0])
         axis.text(0.5, 0.5, "nothing is shed", transform=axis.transAxes, ha="center", va="center")
 

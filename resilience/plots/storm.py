@@ -13,6 +13,7 @@ from resilience.evaluation.comparison import Compared
 from resilience.plots import panels, style
 from resilience.plots.storm_choice import Day, EpisodeView, storm
 from resilience.plots.storm_data import MethodView
+from resilience.tolerances import DRAWN_TOLERANCE_MW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,7 +127,7 @@ def _column(rows: dict[str, Axes], seen: EpisodeView, one: MethodView, *, last: 
 def _power(axis: Axes, hours: Floats, one: MethodView) -> None:
     panels.draw_power(axis, hours, one.fed, one.taken)
     top = sum(one.fed.values(), np.zeros(len(hours) - 1))
-    if one.curtailed.max(initial=0.0) > 1e-4:
+    if one.curtailed.max(initial=0.0) > DRAWN_TOLERANCE_MW:
         look = {"facecolor": "none", "edgecolor": "#b59410", "hatch": "....."}
         style.stairs(axis, hours, top, top + one.curtailed, label="PV curtailed", **look)
     panels.draw_demand(axis, hours, one.demand, one.shed.sum(0))
@@ -141,7 +142,7 @@ def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], one: Method
         shed = one.shed[at].sum(0)
         style.stairs(axis, hours, top, top + shed, color=colour, label=name)
         top = top + shed
-    if top.max(initial=0.0) < 1e-4:
+    if top.max(initial=0.0) < DRAWN_TOLERANCE_MW:
         words = "nothing is shed"
         axis.text(0.5, 0.5, words, transform=axis.transAxes, ha="center", va="center")
 

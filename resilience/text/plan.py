@@ -13,13 +13,13 @@ from rich.text import Text
 
 from resilience.case.outages import outage_texts
 from resilience.planning.plan import Plan
+from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema import DeviceTable
 
 SHOWN = 12  # names in a list before the rest is only counted
-GOOD = 1e-5  # scaled violation up to which a plan is called clean
 
 
 def print_plan(plan: Plan, console: Console) -> None:
@@ -125,7 +125,7 @@ def _certificate(plan: Plan) -> RenderableType:
         text.append(f"satisfies the whole {plan.physics} model", "green")
         text.append("\n")
     text.append("audit: worst scaled violation ")
-    text.append(f"{worst:.1e}", "green" if worst <= GOOD else "red")
+    text.append(f"{worst:.1e}", "green" if worst <= AUDIT_TOLERANCE else "red")
     text.append(f" at {plan.audit_worst}\n" if plan.audit_worst else "\n")
     for note in plan.notes:
         text.append(f"note: {note}\n", "yellow")

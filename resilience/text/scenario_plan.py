@@ -10,7 +10,8 @@ from rich.text import Text
 
 from resilience.arrays import Floats
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.text.plan import GOOD, grid, percent
+from resilience.text.plan import grid, percent
+from resilience.tolerances import AUDIT_TOLERANCE
 
 ROWS = 12  # of the common schedule: more would not be read
 
@@ -98,7 +99,7 @@ def _certificate(plan: ScenarioPlan) -> Text:
     if plan.audit:
         worst = max(plan.audit.values())
         text.append("audit: worst scaled violation ")
-        text.append(f"{worst:.1e}", "green" if worst <= GOOD else "red")
+        text.append(f"{worst:.1e}", "green" if worst <= AUDIT_TOLERANCE else "red")
         text.append(f" at {plan.audit_worst}\n")
     for note in plan.notes:
         text.append(f"note: {note}\n", "yellow")

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
+from resilience.tolerances import INPUT_TOLERANCE
 
 _HOURS = (0.02, 200.0)
-_EPS = 1e-9
 
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`."""
@@ -31,7 +31,7 @@ class KeyRule:
 
 
 def _outside_band(d: Any) -> bool:
-    inside = d.soc_min - _EPS <= d.soc_initial <= d.soc_max + _EPS
+    inside = d.soc_min - INPUT_TOLERANCE <= d.soc_initial <= d.soc_max + INPUT_TOLERANCE
     return bool(d.soc_min <= d.soc_max and not inside)
 
 
@@ -43,12 +43,12 @@ def _bad_curve(d: Any) -> bool:
     p = [point[0] for point in d.cost_curve]
     if len(p) < 2 or any(b <= a for a, b in pairwise(p)):
         return True
-    return bool(p[0] > d.p_min_mw + _EPS or p[-1] < d.p_max_mw - _EPS)
+    return bool(p[0] > d.p_min_mw + INPUT_TOLERANCE or p[-1] < d.p_max_mw - INPUT_TOLERANCE)
 
 
 def _ramped_start_below_minimum(d: Any) -> bool:
     ramped = d.ramp_up_mw_per_h is not None or d.ramp_down_mw_per_h is not None
-    return bool(ramped and d.initial_on and d.p_initial_mw < d.p_min_mw - _EPS)
+    return bool(ramped and d.initial_on and d.p_initial_mw < d.p_min_mw - INPUT_TOLERANCE)
 
 
 RULES = (

@@ -20,10 +20,10 @@ from resilience.dispatch.sddp.model import Cuts
 from resilience.dispatch.sddp.program import Numbers, StageProgram
 from resilience.errors import SolverError
 from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE, WARM
+from resilience.tolerances import REDUCED_COST_TOLERANCE
 
 OPTIMAL = highspy.HighsModelStatus.kOptimal
 OPTIONS = {**LINEAR, **WARM, "presolve": "off", "solver": "simplex", "threads": 1}
-ZERO = 1e-9  # of a reduced cost: what a column without a bound may have by rounding
 
 
 @dataclass
@@ -137,7 +137,7 @@ class Blocks:
         d = self.price + self._transposed @ y
         d[self.after] += future.beta
         side = np.where((d > 0.0)[:, None], self.lower, self.upper)
-        side[np.isinf(side[:, 0]) & (np.abs(d) < ZERO)] = 0.0
+        side[np.isinf(side[:, 0]) & (np.abs(d) < REDUCED_COST_TOLERANCE)] = 0.0
         worth = np.add.reduceat(d[:, None] * side, self._column) + self.offset
         worth -= np.add.reduceat(y[:, None] * self.rhs, self._row)
         return Cuts(

@@ -20,6 +20,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
+from resilience.tolerances import SLOT_TOLERANCE
 
 DAY_MIN = 24 * 60
 RARE = 1e-4  # per slot: failures less likely than this are left out
@@ -130,7 +131,7 @@ def _lengths(bell: Bell, per_day: int) -> Ints:
     """Slots that an outage may last, equally likely."""
     short, long = bell.duration_slots
     ratio = REFERENCE_MIN * per_day / DAY_MIN
-    return np.ceil(np.arange(short, long + 1) * ratio - 1e-9).astype(np.intp)
+    return np.ceil(np.arange(short, long + 1) * ratio - SLOT_TOLERANCE).astype(np.intp)
 
 
 def _joint(bell: Bell, sets: Bools, fails: Floats, back: Floats) -> Floats:

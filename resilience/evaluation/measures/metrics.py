@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
 from resilience.models.program.risk_measures import weights
-
-TOLERANCE_MW = 1e-6
-"""Shedding up to this is a solver's rounding."""
+from resilience.tolerances import SHED_TOLERANCE_MW
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +200,7 @@ def interruption_indices(
     demand, shed = _checked(demand, shed, dt_h)
     peak = demand.max(axis=(1, 2)) if connected_mw is None else connected_mw
     connected = _per_load("connected_mw", peak, len(shed))
-    lost = np.where(shed > TOLERANCE_MW, shed, 0.0)
+    lost = np.where(shed > SHED_TOLERANCE_MW, shed, 0.0)
     out = 1.0 - _share(demand, lost, ())
     newly = np.maximum(np.diff(out, axis=1, prepend=0.0), 0.0)
     total = max(float(connected.sum()), np.finfo(float).tiny)
@@ -238,7 +236,7 @@ def _checked(demand: Floats, shed: Floats, dt_h: float) -> tuple[Floats, Floats]
             hint="put the members last, also a single one: shed[..., None]",
         )
     check_step(dt_h)
-    inside = (shed >= -TOLERANCE_MW) & (shed <= demand + TOLERANCE_MW)  # False for NaN
+    inside = (shed >= -SHED_TOLERANCE_MW) & (shed <= demand + SHED_TOLERANCE_MW)  # False for NaN
     if not inside.all():
         at = tuple(int(k) for k in np.argwhere(~inside)[0])
         raise UsageError(f"shed{list(at)} is {shed[at]:g} MW; allowed: 0 to the demand")
@@ -260,7 +258,7 @@ def _per_load(name: str, values: Any, loads: int) -> Any:
 
 def _sheds(shed: Floats) -> Bools:
     """(slots, members) True where any load is shed."""
-    return np.asarray((shed > TOLERANCE_MW).any(axis=0), bool)
+    return np.asarray((shed > SHED_TOLERANCE_MW).any(axis=0), bool)
 
 
 def _first(flags: Bools) -> NDArray[np.intp]:

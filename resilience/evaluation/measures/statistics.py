@@ -23,11 +23,10 @@ from resilience.models.program.risk_measures import (
     weights,
     worst,
 )
+from resilience.tolerances import COST_TOLERANCE
 
 TRIVIAL_SHARE = 0.01
 """Below this room between rule 0.9 and the bound, no ranking means anything."""
-NOTHING = 1e-9
-"""A difference this small, relative to the cost, is a solver's rounding."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ def mean_interval(
     x = finite_values(values)
     groups = _groups(x, strata)
     mean = float(x.mean())
-    if all(np.ptp(group) <= NOTHING * max(1.0, abs(mean)) for group in groups):
+    if all(np.ptp(group) <= COST_TOLERANCE * max(1.0, abs(mean)) for group in groups):
         return MeanInterval(mean, mean, mean, confidence, len(x))
     interval = _bootstrap(groups, rng, confidence, resamples, method)
     return MeanInterval(mean, float(interval.low), float(interval.high), confidence, len(x))
@@ -172,7 +171,7 @@ def score(cost: ArrayLike, rule09: ArrayLike, bound: ArrayLike) -> Floats:
     """
     cost, rule09, bound = (np.asarray(v, float) for v in (cost, rule09, bound))
     room = rule09 - bound
-    open_ = np.abs(room) > NOTHING * np.maximum(1.0, np.abs(bound))
+    open_ = np.abs(room) > COST_TOLERANCE * np.maximum(1.0, np.abs(bound))
     return np.where(open_, (rule09 - cost) / np.where(open_, room, 1.0), np.nan)
 
 
@@ -191,7 +190,7 @@ def triviality(rule09: ArrayLike, bound: ArrayLike) -> Triviality:
     """
     rule, best = float(finite_values(rule09).mean()), float(finite_values(bound).mean())
     room = float(gap_to_bound(rule, best))
-    return Triviality(room, rule <= NOTHING if np.isnan(room) else room < TRIVIAL_SHARE)
+    return Triviality(room, rule <= COST_TOLERANCE if np.isnan(room) else room < TRIVIAL_SHARE)
 
 
 def value_of_stochastic_solution(

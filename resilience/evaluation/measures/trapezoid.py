@@ -20,9 +20,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.evaluation.measures.metrics import check_step
-
-TOLERANCE_SHARE = 1e-9
-"""Performance this far from normal is normal."""
+from resilience.tolerances import PERFORMANCE_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +89,10 @@ def trapezoid(performance: Floats, dt_h: float, normal: float = 1.0) -> Trapezoi
     """
     performance = _levels(performance, dt_h)
     slot = np.arange(len(performance))[:, None]
-    is_normal = performance >= normal - TOLERANCE_SHARE
+    is_normal = performance >= normal - PERFORMANCE_TOLERANCE
     low = performance.min(axis=0)
     dropped, drop = ~is_normal.all(axis=0), normal - low
-    at_low = performance <= low + TOLERANCE_SHARE
+    at_low = performance <= low + PERFORMANCE_TOLERANCE
     bottom = _first(at_low)
     first = np.where(is_normal & (slot < bottom), slot + 1, 0).max(axis=0)
     after = is_normal & (slot > bottom)

@@ -20,6 +20,7 @@ from resilience.fragility.beliefs.conditional import (
     futures,
 )
 from resilience.fragility.outages.bell import REFERENCE_MIN, Bell, case_bell
+from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -69,7 +70,7 @@ class BellBelief:
     def __init__(self, bell: Bell, per_day: int, lines: int, seed: int = 0) -> None:
         self.bell, self.per_day, self.lines, self.seed = bell, per_day, lines, seed
         longest = bell.duration_slots[1] * REFERENCE_MIN * per_day / (24 * 60)
-        self.longest_slots = int(np.ceil(longest - 1e-9))
+        self.longest_slots = int(np.ceil(longest - SLOT_TOLERANCE))
         self._days: dict[tuple[int, int], DayDraw] = {}
 
     def paths(self, known: Known, slots: int, n: int) -> Bools:

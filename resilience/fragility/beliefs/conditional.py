@@ -11,6 +11,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
+from resilience.tolerances import SLOT_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -145,7 +146,7 @@ def days_reached(t: int, slots: int, per_day: int) -> int:
 
 def expected_left(bell: Bell, elapsed: int, per_day: int) -> int:
     """Slots after the present one that an outage of that age lasts: their mean, rounded up."""
-    return int(np.ceil(_lengths_left(bell, elapsed, per_day).mean() - 1e-9))
+    return int(np.ceil(_lengths_left(bell, elapsed, per_day).mean() - SLOT_TOLERANCE))
 
 
 def _over(bell: Bell, known: Known) -> Bools:
@@ -173,13 +174,13 @@ def _lengths(bell: Bell, per_day: int, u: Floats) -> Ints:
     ratio = REFERENCE_MIN * per_day / (24 * 60)
     short, long = bell.duration_slots
     drawn = short + (u * (long - short + 1)).astype(int)
-    return np.ceil(drawn * ratio - 1e-9).astype(np.intp)
+    return np.ceil(drawn * ratio - SLOT_TOLERANCE).astype(np.intp)
 
 
 def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
     ratio = REFERENCE_MIN * per_day / (24 * 60)
     short, long = bell.duration_slots
-    total = np.unique(np.ceil(np.arange(short, long + 1) * ratio - 1e-9).astype(np.intp))
+    total = np.unique(np.ceil(np.arange(short, long + 1) * ratio - SLOT_TOLERANCE).astype(np.intp))
     left = total[total > elapsed] - elapsed - 1
     return left if len(left) else np.zeros(1, np.intp)
 

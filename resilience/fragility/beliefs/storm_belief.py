@@ -30,6 +30,7 @@ from resilience.fragility.beliefs.conditional import Known, strata
 from resilience.fragility.lines.damage import accumulated
 from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
 from resilience.fragility.outages.repair import Begun, Repair, crew_since, ranks, repaired
+from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.fragility.chain import Storm
@@ -178,7 +179,7 @@ class StormBelief:
             return np.zeros(len(is_down), np.intp)
         down = self.paths(known, self.slots - known.t - 1, USUAL)
         run = np.logical_and.accumulate(down, axis=1).sum(axis=1).mean(axis=1)
-        return np.where(is_down, np.ceil(run - 1e-9), 0).astype(np.intp)
+        return np.where(is_down, np.ceil(run - SLOT_TOLERANCE), 0).astype(np.intp)
 
     def _may(self, known: Known) -> Bools:
         """(lines,) lines that have not failed yet."""

@@ -18,6 +18,7 @@ from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
+from resilience.tolerances import SLOT_TOLERANCE
 
 LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
     "fixed": (("hours",), np.full_like),
@@ -98,7 +99,7 @@ class Repair:
     def work_slots(self, u: Floats, step_h: float) -> Ints:
         """(...) slots of work, 1 or more, of uniform random numbers (...)."""
         hours = LAWS[self.law][1](u, *self.hours)
-        return np.maximum(np.ceil(hours / step_h - 1e-9), 1.0).astype(np.intp)
+        return np.maximum(np.ceil(hours / step_h - SLOT_TOLERANCE), 1.0).astype(np.intp)
 
     def order(self, lines: tuple[str, ...]) -> Ints:
         """(lines,) rank of each line, equal priorities alike, 0 first.

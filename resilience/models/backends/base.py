@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors, reach
+from resilience.tolerances import CROSSED_BOUNDS_TOLERANCE
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
 
@@ -117,4 +118,4 @@ class LeafCuts:
 def crossed(vectors: Vectors) -> bool:
     """Whether some lower bound lies above its upper bound by more than rounding."""
     excess = vectors.lower - vectors.upper
-    return bool((excess > 1e-9 * (1.0 + np.abs(vectors.lower))).any())
+    return bool((excess > CROSSED_BOUNDS_TOLERANCE * (1.0 + np.abs(vectors.lower))).any())

@@ -10,10 +10,8 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, LeafCuts, Solution, crossed
 from resilience.models.program.referee import row_violations, structure_violations
 from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.tolerances import COMPLEMENTARITY_TOLERANCE, CONFLICT_TOLERANCE, NLP_TOLERANCE
 
-TOLERANCE = 1e-8
-COMPLEMENTARITY = 1e-7  # with Ipopt's own 1e-4 a warm start may stop 4e-5 above the optimum
-FIXED = 1e-6  # scaled violation from which columns that are fixed contradict each other
 WARM = {
     "warm_start_init_point": "yes",
     "mu_init": 1e-9,  # where the SOCP solver stopped; 1e-5 leaves its point, for 200 iterations
@@ -96,9 +94,9 @@ class NLP:
         settings: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
-            "tol": TOLERANCE,
-            "constr_viol_tol": TOLERANCE,
-            "compl_inf_tol": COMPLEMENTARITY,
+            "tol": NLP_TOLERANCE,
+            "constr_viol_tol": NLP_TOLERANCE,
+            "compl_inf_tol": COMPLEMENTARITY_TOLERANCE,
             "bound_relax_factor": 0.0,
             "max_iter": 500,
         }
@@ -158,7 +156,7 @@ def _broken(standard: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
         if structure.kind in ("cone", "disc"):
             at = ~_alive(structure, point, live)
             found.append(structure_violations(structure, point)[at])
-    return bool(np.concatenate(found).max(initial=0.0) > FIXED)
+    return bool(np.concatenate(found).max(initial=0.0) > CONFLICT_TOLERANCE)
 
 
 def _times(ca: Any, matrix: Any, z: Any) -> Any:

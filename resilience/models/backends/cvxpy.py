@@ -22,6 +22,7 @@ from resilience.models.backends.base import (
 )
 from resilience.models.program.dual_bound import cone_rows, cone_share, safe_bound
 from resilience.models.program.standard import Standard, Vectors
+from resilience.tolerances import CONFLICT_TOLERANCE
 
 
 class Conic:
@@ -162,4 +163,4 @@ class Conic:
             return []
         missed = np.abs(trial.slack)
         worst = np.argsort(-missed)[:most]
-        return [self.standard.row_name(int(i)) for i in worst if missed[i] > 1e-6]
+        return [self.standard.row_name(int(i)) for i in worst if missed[i] > CONFLICT_TOLERANCE]

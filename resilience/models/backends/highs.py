@@ -16,6 +16,7 @@ from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.referee import row_violations
 from resilience.models.program.standard import Standard, Vectors
+from resilience.tolerances import CONFLICT_TOLERANCE
 
 ROWWISE = int(highspy.MatrixFormat.kRowwise)
 MINIMIZE = int(highspy.ObjSense.kMinimize)
@@ -251,7 +252,7 @@ class Highs:
         if self._sent is None or len(z) < self.standard.n_columns:
             return []
         off = row_violations(self.standard, z, self._sent)[rows]
-        worst = [i for i in np.argsort(-off)[:most] if off[i] > 1e-6]
+        worst = [i for i in np.argsort(-off)[:most] if off[i] > CONFLICT_TOLERANCE]
         return [self.standard.row_name(int(rows[i])) for i in sorted(worst)]
 
 

@@ -12,8 +12,8 @@ from resilience.models.backends.base import Solution, Status
 from resilience.models.case_program import CaseProgram
 from resilience.models.program.referee import structure_violations
 from resilience.models.program.standard import Standard, Vectors
+from resilience.tolerances import PLAN_GAP, RELAXATION_TOLERANCE
 
-CLOSED = 1e-6  # scaled violation below which a relaxed structure counts as holding
 LATE = "the time limit ended the search; this is the best plan found"
 
 
@@ -22,7 +22,7 @@ class MethodOptions:
     """How long a method may take (s) and at which relative gap it may stop."""
 
     time_limit: float = 60.0
-    gap: float = 1e-3
+    gap: float = PLAN_GAP
 
 
 @dataclass
@@ -55,7 +55,7 @@ class MethodResult:
 
         A bound that solver tolerances put a hair above the objective is lowered to it.
         """
-        if bound - found.objective <= CLOSED * (1.0 + abs(found.objective)):
+        if bound - found.objective <= RELAXATION_TOLERANCE * (1.0 + abs(found.objective)):
             bound = min(bound, found.objective)
         return cls(
             status=found.status,
@@ -91,7 +91,7 @@ def violated(standard: Standard, z: Floats) -> dict[int, Bools]:
     found = {}
     for k, structure in enumerate(standard.structures):
         if structure.kind in ("split", "adjacent"):
-            broken = structure_violations(structure, z) > CLOSED
+            broken = structure_violations(structure, z) > RELAXATION_TOLERANCE
             if broken.any():
                 found[k] = broken
     return found
@@ -110,7 +110,7 @@ def widest(standard: Standard, z: Floats, kind: str = "cone") -> float:
 
 def fractional(standard: Standard, z: Floats) -> Bools:
     """(columns,) integer columns whose value is none."""
-    return standard.integer & (np.abs(z - np.round(z)) > CLOSED)
+    return standard.integer & (np.abs(z - np.round(z)) > RELAXATION_TOLERANCE)
 
 
 def remains(standard: Standard, z: Floats) -> list[str]:
@@ -121,7 +121,7 @@ def remains(standard: Standard, z: Floats) -> list[str]:
         found.append(f"{s.name}: {broken.sum()} of {s.n} mode elements are in two modes at once")
     for kind, how in (("cone", "cones open"), ("disc", "ratings exceeded")):
         for name, wide in gaps(standard, z, kind).items():
-            count = (wide > CLOSED).sum()
+            count = (wide > RELAXATION_TOLERANCE).sum()
             if count:
                 found.append(f"{name}: {count} of {len(wide)} {how}, by {wide.max():.2g} at most")
     loose = fractional(standard, z)

@@ -8,7 +8,6 @@ from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
-    CLOSED,
     Deadline,
     MethodOptions,
     MethodResult,
@@ -20,6 +19,7 @@ from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import LEAST
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
 
@@ -54,7 +54,7 @@ def closed(program: CaseProgram, found: Solution, vectors: Vectors) -> Solution:
     """
     best, width = found, widest(program.standard, found.point)
     for penalty in PENALTIES:
-        if width <= CLOSED:
+        if width <= RELAXATION_TOLERANCE:
             break
         with phase("conic program", f"losses priced at {penalty:g} $/MW"):
             trial = relaxation(program, vectors, penalty)
@@ -97,7 +97,7 @@ def completed(program: CaseProgram, found: Solution, vectors: Vectors, seconds: 
         if point.z is None:
             return NOTHING
         point = closed(program, point, one_mode)
-    if widest(standard, point.point) > CLOSED:
+    if widest(standard, point.point) > RELAXATION_TOLERANCE:
         point = ac_point(program, point.point, one_mode, seconds)
     return NOTHING if point.z is None or violated(standard, point.z) else point
 

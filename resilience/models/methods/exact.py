@@ -14,7 +14,6 @@ from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
-    CLOSED,
     LATE,
     Deadline,
     MethodOptions,
@@ -28,8 +27,7 @@ from resilience.models.methods.answer import (
 from resilience.models.methods.conic import completed, relaxation
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.progress import phase
-
-PROOF = 1e-5  # relative gap that counts as proven; SCIP's own tolerances are not far below
+from resilience.tolerances import EXACT_GAP, RELAXATION_TOLERANCE
 
 
 @dataclass
@@ -45,7 +43,7 @@ class ScipSearch:
     @property
     def done(self) -> bool:
         """Whether the best plan is proven, or time is up."""
-        return gap(self.best.objective, self.bound) <= PROOF or self.clock.left <= 0
+        return gap(self.best.objective, self.bound) <= EXACT_GAP or self.clock.left <= 0
 
     def offer(self, plan: Solution) -> None:
         """Keeps a plan that is better than the best."""
@@ -76,12 +74,12 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
         pass
     if not search.done:
         with phase("SCIP", "AC equations"):
-            strict = _scip(search, Pyomo(program.standard, solver="scip", gap=PROOF / 2))
+            strict = _scip(search, Pyomo(program.standard, solver="scip", gap=EXACT_GAP / 2))
         search.bound = max(search.bound, strict.bound)
         search.offer(strict)
     if search.best.z is None:
         raise no_plan(program, "SCIP", options)
-    proven = gap(search.best.objective, search.bound) <= PROOF
+    proven = gap(search.best.objective, search.bound) <= EXACT_GAP
     status: Status = "optimal" if proven else "feasible"
     best = replace(search.best, status=status)
     return MethodResult.of(program, best, search.bound, [] if proven else [LATE])
@@ -93,7 +91,7 @@ def _round(search: ScipSearch) -> bool:
     if standard.integer.any() or search.modes:
         lowered = lower(standard, exact=search.modes)
         with phase("SCIP", "convex relaxation"):
-            found = _scip(search, Pyomo(lowered, solver="scip", cones="relaxed", gap=PROOF / 2))
+            found = _scip(search, Pyomo(lowered, solver="scip", cones="relaxed", gap=EXACT_GAP / 2))
     else:
         with phase("conic relaxation"):
             found = relaxation(search.program, search.program.vectors)
@@ -128,5 +126,6 @@ def _plan(search: ScipSearch, found: Solution) -> Solution:
     with phase("conic program"):
         point = relaxation(program, vectors)
     best = NOTHING if point.z is None else completed(program, point, vectors, search.clock.left)
-    whole = widest(standard, found.point) <= CLOSED and not violated(standard, found.point)
-    return found if best.z is None and whole else best
+    closed = widest(standard, found.point) <= RELAXATION_TOLERANCE
+    holds = closed and not violated(standard, found.point)
+    return found if best.z is None and holds else best

@@ -14,7 +14,6 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
-    CLOSED,
     LATE,
     Deadline,
     MethodOptions,
@@ -32,6 +31,7 @@ from resilience.models.methods.tidy import tidied
 from resilience.models.program.referee import structure_violations
 from resilience.models.program.standard import Standard, Vectors
 from resilience.progress import phase
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 Rows = tuple[sp.csr_array, Floats]
 ROUNDS = 30  # tangents alone converge in about nine
@@ -157,7 +157,7 @@ def _plan(search: LinearSearch, found: Solution, broken: dict[int, Bools]) -> So
     program, standard = search.program, search.program.standard
     if fractional(standard, found.point).any():
         return NOTHING
-    exceeded = widest(standard, found.point, "disc") > CLOSED
+    exceeded = widest(standard, found.point, "disc") > RELAXATION_TOLERANCE
     if not broken and not exceeded:
         return found
     held = rounded(program, found.point)
@@ -190,7 +190,7 @@ def _disc_tangents(standard: Standard, z: Floats) -> list[Rows]:
     for disc in standard.structures:
         if disc.kind != "disc":
             continue
-        at = np.flatnonzero(structure_violations(disc, z) > CLOSED)
+        at = np.flatnonzero(structure_violations(disc, z) > RELAXATION_TOLERANCE)
         if not len(at):
             continue
         values = np.array(disc.values(z))[:, at]

@@ -40,9 +40,9 @@ from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 ROUNDS = 20
-VIOLATED = -1e-6  # scaled room in a cone below which the MILP's point breaks it
 SHARE = 0.5  # of the time left that one MILP may take
 
 
@@ -177,7 +177,7 @@ def _try(search: ConicSearch, master: Solution) -> bool:
         raise infeasible(program)
     if master.z is None:
         return False
-    search.rows.append(tangents(standard, master.point, VIOLATED))
+    search.rows.append(tangents(standard, master.point, -RELAXATION_TOLERANCE))
     vectors = rounded(program, master.point)
     with phase("conic program"):
         found = relaxation(program, vectors)

@@ -17,8 +17,9 @@ from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution
 from resilience.models.backends.lower import Discs, lower
 from resilience.models.case_program import CaseProgram
-from resilience.models.methods.answer import CLOSED, widest
+from resilience.models.methods.answer import widest
 from resilience.models.program.standard import Standard, Vectors
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 WAYS: tuple[Discs, ...] = ("outer", "inner")
 
@@ -30,7 +31,7 @@ def tidied(program: CaseProgram, found: Solution) -> Solution:
         return found
     for discs in WAYS:
         z = _least(standard, program.vectors, found.point, discs)
-        if z is not None and widest(standard, z, "disc") <= CLOSED:
+        if z is not None and widest(standard, z, "disc") <= RELAXATION_TOLERANCE:
             return replace(found, z=z)
     return found
 

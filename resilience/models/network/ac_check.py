@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema import DeviceTable, ESSTable, GeneratorTable, GridTable
 
-TOLERANCE = 1e-6  # pu, MVA or MW beyond a limit that count as none
-
 
 @dataclass(frozen=True)
 class Carried:

@@ -14,8 +14,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Unrolled, Vectors
-
-TOLERANCE = 1e-5
+from resilience.tolerances import INTEGRALITY_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
     comes after its parent, whichever stages the two are of, since y may be a state.
     """
     z = np.clip(z, vectors.lower, vectors.upper)
-    whole = np.flatnonzero(standard.integer & (np.abs(z - np.round(z)) < TOLERANCE))
+    whole = np.flatnonzero(standard.integer & (np.abs(z - np.round(z)) < INTEGRALITY_TOLERANCE))
     z[whole] = np.round(z[whole])
     tight = [structure for structure in standard.structures if structure.kind == "largest"]
     order = sorted((node, k, i) for k, s in enumerate(tight) for i, node in enumerate(s.nodes))

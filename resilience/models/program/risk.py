@@ -19,6 +19,7 @@ from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Standard, Values
+from resilience.tolerances import PROBABILITY_TOLERANCE
 
 FORM = "cvar:ALPHA:WEIGHT"
 
@@ -76,7 +77,7 @@ class Risk:
             return mean
         order = np.argsort(cost)
         reached = np.cumsum(probability[order])
-        at = min(int(np.searchsorted(reached, self.alpha - 1e-12)), len(cost) - 1)
+        at = min(int(np.searchsorted(reached, self.alpha - PROBABILITY_TOLERANCE)), len(cost) - 1)
         eta = float(cost[order][at])
         tail = eta + float(probability @ np.maximum(cost - eta, 0.0)) / (1.0 - self.alpha)
         return (1.0 - self.weight) * mean + self.weight * tail

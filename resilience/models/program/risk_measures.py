@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
+from resilience.tolerances import PROBABILITY_TOLERANCE
 
 
 def weights(probability: Floats | None, members: int) -> Floats:
@@ -49,7 +50,7 @@ def value_at_risk(values: ArrayLike, alpha: float, probability: Floats | None = 
     order = np.argsort(x[likely])
     reached = np.cumsum(p[likely][order])
     # Sums of equal weights miss alpha by rounding: 0.1 * 9 is less than 0.9.
-    at = int(np.searchsorted(reached, alpha - 1e-12))
+    at = int(np.searchsorted(reached, alpha - PROBABILITY_TOLERANCE))
     return float(x[likely][order][min(at, len(order) - 1)])
 
 

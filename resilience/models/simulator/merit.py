@@ -17,10 +17,9 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array
-from resilience.models.simulator.order import TINY, Order
+from resilience.models.simulator.order import Order
 from resilience.models.simulator.plant import Plant
-
-SAME = 9  # decimals of $ per MW and step in which prices of one tier agree
+from resilience.tolerances import POWER_TOLERANCE_MW, PRICE_DECIMALS
 
 
 def ranked(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bools]:
@@ -34,7 +33,7 @@ def ranked(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bo
     Returns:
         (columns,) every source's tier; (tiers,) $ per MW of supply; (tiers,) whether it is a block.
     """
-    marginal = np.round(prices / plant.sign[:, 0], SAME)
+    marginal = np.round(prices / plant.sign[:, 0], PRICE_DECIMALS)
     alone = np.zeros(len(prices), np.intp)
     alone[blocks] = 1 + np.arange(len(blocks))
     keys, tier = np.unique(np.stack([marginal, alone]), axis=1, return_inverse=True)
@@ -73,14 +72,14 @@ def _blocks(ops: Any, order: Order, need: Array, there: Array) -> dict[int, Arra
     for k in range(order.tiers):
         if order.block[k]:
             short[k] = before  # what the cheaper sources cannot give, blocks aside
-            shed[k] = ops.where(left > TINY, there[k], there[k] * 0.0)
+            shed[k] = ops.where(left > POWER_TOLERANCE_MW, there[k], there[k] * 0.0)
             left = left - shed[k]
         else:
             left = left - ops.minimum(ops.positive(left), there[k])
             before = before - there[k]
     total = sum(shed.values())
     for k in reversed(shed):
-        spare = total - shed[k] >= short[k] - TINY
+        spare = total - shed[k] >= short[k] - POWER_TOLERANCE_MW
         kept = ops.where(spare, shed[k] * 0.0, shed[k])
         total, shed[k] = total - shed[k] + kept, kept
     return shed

@@ -9,9 +9,9 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
 from resilience.models.simulator.plant import Plant
+from resilience.tolerances import PRICE_TOLERANCE
 
 MOST = 4  # connections for which both sides are tried, 2^4 ways
-TINY = 1e-12
 
 
 def modes(plant: Plant, prices: Floats) -> list[Bools]:
@@ -28,7 +28,7 @@ def modes(plant: Plant, prices: Floats) -> list[Bools]:
         UsageError: too many connections would earn.
     """
     ways = [np.flatnonzero(plant.kinds == f"grid.{way}") for way in ("import", "export")]
-    both = np.stack(ways)[:, prices[ways[0]] + prices[ways[1]] < -TINY]
+    both = np.stack(ways)[:, prices[ways[0]] + prices[ways[1]] < -PRICE_TOLERANCE]
     if both.shape[1] > MOST:
         raise UsageError(
             f"{both.shape[1]} grid connections earn by importing and exporting at once; "

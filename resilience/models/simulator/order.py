@@ -16,8 +16,7 @@ import scipy.sparse as sp
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array, Constant, Map
 from resilience.models.simulator.plant import Plant
-
-TINY = 1e-12  # MW
+from resilience.tolerances import POWER_TOLERANCE_MW
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,8 @@ class Order:
         self, ops: Any, taken: list[Array], there: Array, data: Array, island: Array
     ) -> Array:
         """(columns, batch) every source, from what its tier gave in its island."""
-        share = ops.joined([used[None] for used in taken]) / ops.maximum(
-            there, ops.array(np.array(TINY))
-        )
+        smallest = ops.array(np.array(POWER_TOLERANCE_MW))
+        share = ops.joined([used[None] for used in taken]) / ops.maximum(there, smallest)
         share = ops.spread(share, island).reshape(-1, share.shape[-1])
         used = ops.rows(share, self.tier * self.n_buses + self.bus)
         return ops.plus(ops.times(used, self.move(ops, data)), self.least(ops, data))

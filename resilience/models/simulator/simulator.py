@@ -27,10 +27,11 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, namespace
 from resilience.models.simulator.merit import fill, ranked
 from resilience.models.simulator.modes import modes
-from resilience.models.simulator.order import TINY, Order, Priced, compiled, priced
+from resilience.models.simulator.order import Order, Priced, compiled, priced
 from resilience.models.simulator.paper import check, paper_fill, paper_tiers
 from resilience.models.simulator.plant import Plant
 from resilience.models.simulator.refusals import refuse
+from resilience.tolerances import POWER_TOLERANCE_MW
 
 RecourseRule = Literal["economic", "paper"]
 RECOURSE: tuple[RecourseRule, ...] = get_args(RecourseRule)
@@ -155,7 +156,7 @@ class Simulator(Plant):
         need = ops.segment(self._with_storage(ops, need, charge - discharge), island)
         there = ops.segment(there, island)
         taken, need = self._recourse(ops, order, need, there, data, island)
-        if ops.some(need, TINY):
+        if ops.some(need, POWER_TOLERANCE_MW):
             charge, left = self._cut_back(ops, charge, need, island, 1.0)
             discharge, need = self._cut_back(ops, discharge, left, island, -1.0)
         flows = partial(order.flows, ops, taken, there, data, island)
@@ -186,7 +187,8 @@ class Simulator(Plant):
         """Charging cut back by a deficit (sign 1), discharging by a surplus (sign -1), pro rata."""
         there = ops.segment(self._with_storage(ops, need * 0.0, power), island)
         cut = ops.minimum(ops.positive(sign * need), there)
-        share = ops.spread(cut / ops.maximum(there, ops.array(np.array(TINY))), island)
+        smallest = ops.array(np.array(POWER_TOLERANCE_MW))
+        share = ops.spread(cut / ops.maximum(there, smallest), island)
         return power * (1.0 - ops.rows(share, self.storage_bus)), need - sign * cut
 
     def _in_order(self, prices: Floats) -> list[Priced]:
@@ -221,7 +223,8 @@ def _nearest(ops: Any, asked: tuple[Array, Array], best: _Closed, others: list[_
     off = best.off(asked)
     for other in others:
         other_off = other.off(asked)
-        nearer, as_near = other_off < off - TINY, other_off <= off + TINY
+        nearer = other_off < off - POWER_TOLERANCE_MW
+        as_near = other_off <= off + POWER_TOLERANCE_MW
         better = nearer | (as_near & (other.cost < best.cost))
         best = _Closed(
             cost=ops.where(better, other.cost, best.cost),

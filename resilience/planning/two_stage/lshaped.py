@@ -28,6 +28,7 @@ from resilience.planning.two_stage.master import Master, Trial
 from resilience.planning.two_stage.recourse import Recourse, Second
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
+from resilience.tolerances import SCENARIO_GAP
 
 ROUNDS = 200
 
@@ -73,7 +74,7 @@ class DecompositionOptions:
         holds: per chain, columns of its program to hold at zero.
     """
 
-    gap: float = 1e-4
+    gap: float = SCENARIO_GAP
     time_limit: float = np.inf
     workers: int = 1
     start: Floats | None = None
