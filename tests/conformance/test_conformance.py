@@ -7,10 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import tiny_cases  # noqa: F401
-from tiny import TINY, Tiny, one_node
-from tiny_linear import CUTS
-from tiny_structures import one_cone
 
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
@@ -20,6 +16,11 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.language.stage import Stage
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
+from resilience.testing import TINY, TinyProgram
+from resilience.testing.backends import CHANGED_DATA
+from resilience.testing.tiny import one_node
+from resilience.testing.tiny_linear import CUTS
+from resilience.testing.tiny_structures import one_cone
 
 BACKENDS: dict[str, Callable[[Standard], Any]] = {
     "highs": lambda problem: Highs(problem, gap=0.0),
@@ -40,14 +41,14 @@ TOLERANCE = {"pyomo-scip": 2e-6, "nlp": 1e-6}
 BUILT = {name: build() for name, build in TINY.items()}
 
 
-def pairs(wanted: Callable[[Tiny, str], bool]) -> Any:
+def pairs(wanted: Callable[[TinyProgram, str], bool]) -> Any:
     chosen = [(name, b) for name, tiny in BUILT.items() for b in BACKENDS if wanted(tiny, b)]
     return pytest.mark.parametrize(("name", "backend"), chosen)
 
 
-def solved(tiny: Tiny, backend: str) -> tuple[Any, Any]:
-    solver = BACKENDS[backend](tiny.problem)
-    solver.update(tiny.problem.vectors(tiny.data, tiny.x0))
+def solved(tiny: TinyProgram, backend: str) -> tuple[Any, Any]:
+    solver = BACKENDS[backend](tiny.standard)
+    solver.update(tiny.vectors)
     return solver, solver.solve()
 
 
@@ -59,9 +60,9 @@ def test_the_optimum_is_found_where_everything_is_held(name: str, backend: str) 
     assert found.status == "optimal"
     assert found.objective == pytest.approx(tiny.optimum, abs=tolerance)
     assert found.bound <= tiny.optimum + tolerance
-    vectors = tiny.problem.vectors(tiny.data, tiny.x0)
-    z = settle(tiny.problem, found.point, vectors)
-    assert audit(tiny.problem, z, vectors).maximum <= 1e-6
+    vectors = tiny.vectors
+    z = settle(tiny.standard, found.point, vectors)
+    assert audit(tiny.standard, z, vectors).maximum <= 1e-6
     assert vectors.cost @ z + vectors.offset == pytest.approx(tiny.optimum, abs=tolerance)
 
 
@@ -90,28 +91,21 @@ def test_a_polygon_within_a_disc_costs_more_and_one_around_it_less(name: str, ba
     tiny, (inner, outer) = TINY[name](), POLYGONS[name]
     _, found = solved(tiny, backend)
     assert found.objective == pytest.approx(inner, abs=1e-9)
-    around = Highs(lower(tiny.problem, discs="outer"))
-    around.update(tiny.problem.vectors(tiny.data, tiny.x0))
+    around = Highs(lower(tiny.standard, discs="outer"))
+    around.update(tiny.vectors)
     assert around.solve().objective == pytest.approx(outer, abs=1e-9)
     assert outer <= tiny.optimum + 1e-9
     assert inner >= tiny.optimum
 
 
-OTHER = {  # the same problems with other data, and what follows from it
-    "data": {"cap": 1.5, "demand": 2.0, "price": 4.0},
-    "fan": {"shortage": 5.0},
-    "chain": {"energy": 0.25},
-}
-
-
-@pytest.mark.parametrize("name", OTHER)
+@pytest.mark.parametrize("name", CHANGED_DATA)
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_new_data_gives_what_a_fresh_build_gives(name: str, backend: str) -> None:
-    first, other = TINY[name](), TINY[name](**OTHER[name])
+    first, other = TINY[name](), TINY[name](**CHANGED_DATA[name])
     assert other.optimum != pytest.approx(first.optimum)
     solver, _ = solved(first, backend)
     for tiny in (other, first, other):
-        solver.update(first.problem.vectors(tiny.data, tiny.x0))
+        solver.update(first.standard.vectors(tiny.data, tiny.x0))
         found = solver.solve().objective
         assert found == pytest.approx(tiny.optimum, abs=2e-6)
         assert found == pytest.approx(solved(tiny, backend)[1].objective, abs=2e-6)
@@ -124,12 +118,12 @@ def test_cuts_added_later_are_worth_what_cuts_built_in_are(
     name: str, backend: str, built_in: int
 ) -> None:
     tiny, bare = TINY[name](), TINY[name](cuts=CUTS[:built_in])
-    vectors = bare.problem.vectors(bare.data, bare.x0)
-    solver = BACKENDS[backend](bare.problem)
+    vectors = bare.vectors
+    solver = BACKENDS[backend](bare.standard)
     solver.update(vectors)
     free = solver.solve().objective
     assert built_in or free < tiny.optimum - 0.5
-    for leaf in bare.problem.tree.leaves:
+    for leaf in bare.standard.tree.leaves:
         for some in (CUTS[built_in:2], CUTS[2:]):
             alpha = np.array([cut.alpha for cut in some])
             solver.add_cuts(leaf, alpha, np.array([cut.beta["store"] for cut in some]))
@@ -161,10 +155,10 @@ def test_the_price_of_a_state_is_the_slope_of_the_optimum(name: str, backend: st
     tiny = TINY[name]()
     (state,) = tiny.x0
     start, step = tiny.x0[state][0] + 0.1, 0.01  # away from the kinks
-    solver = BACKENDS[backend](tiny.problem)
+    solver = BACKENDS[backend](tiny.standard)
     value = {}
     for x in (start - step, start, start + step):
-        solver.update(tiny.problem.vectors(tiny.data, {state: [x]}))
+        solver.update(tiny.standard.vectors(tiny.data, {state: [x]}))
         value[x] = solver.solve()
     slope = (value[start + step].objective - value[start - step].objective) / (2 * step)
     assert value[start].state_price == pytest.approx([slope], abs=1e-4)
@@ -186,7 +180,7 @@ def test_the_certified_bound_is_at_most_the_optimum_and_close(name: str, backend
 def battery() -> tuple[Standard, Any]:
     """1.5 MWh are to be left of 1 MWh after three hours of rest."""
     tiny = TINY["chain"]()
-    problem = tiny.problem
+    problem = tiny.standard
     vectors = problem.vectors(tiny.data, tiny.x0)
     rest = np.concatenate([problem.columns(word)[0] for word in ("buy", "sell")])
     end = problem.columns("energy")[0, 2]
@@ -205,7 +199,7 @@ def fixed_row() -> tuple[Standard, Any]:
 def fixed_cone() -> tuple[Standard, Any]:
     """0 v = 1^2, with v free."""
     tiny = one_cone(0.0, 1.0, 1.0, np.inf, np.inf, "out, but loaded")
-    return tiny.problem, tiny.problem.vectors({}, {})
+    return tiny.standard, tiny.standard.vectors({}, {})
 
 
 RELAX_CONES = ("highs", "pyomo-highs")

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.case import Case
 from resilience.models.algebra import scatter
@@ -22,6 +21,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.unroll import unroll
+from resilience.testing import small_case
 
 HERE = Path(__file__).parent
 LOAD = {"p_max_mw": 2.0, "profile": "day", "power_factor": 0.8, "shed_cost_per_mwh": 10.0}
@@ -79,7 +79,7 @@ GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
     "line-switchable": (
         ("Buses", "Lines", "Topology"),
         "lindistflow",
-        {"about": [{"name": "2-3", "switchable": True, "switching_cost": 1.5}]},
+        {"line_tables": [{"name": "2-3", "switchable": True, "switching_cost": 1.5}]},
     ),
 }
 
@@ -87,13 +87,13 @@ GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
 def tiny_case(**tables: Any) -> Case:
     """Three buses in a row; the last line may fail, and both ends may carry an island."""
     forming = {"import_max_mw": 5.0, "import_cost_per_mwh": 1.0, "v_pu": 1.05}
-    about = [{"name": "2-3", "rating_mva": 2.0}]
-    tables = {"grid": [forming], "ess": [{**ESS, "bus": "3"}], "about": about, **tables}
-    return small(
+    line_tables = [{"name": "2-3", "rating_mva": 2.0}]
+    tables = {"grid": [forming], "ess": [{**ESS, "bus": "3"}], "line_tables": line_tables, **tables}
+    return small_case(
         step_min=15.0,
         buses=3,
         lines=[(1, 2, 0.01, 0.02), (2, 3, 0.02, 0.04)],
-        columns={"day": [0.5, 1.0]},
+        profiles={"day": [0.5, 1.0]},
         outages=["2-3@00:15-00:30"],
         **tables,
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from small import small
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
@@ -17,6 +16,7 @@ from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
+from resilience.testing import small_case
 
 SLOTS = 3
 NOISE = (np.array([0.3, 0.7]), np.array([1.3, 0.8]))  # probability, factor on demand
@@ -28,11 +28,11 @@ FIRST = np.array([[0.9, 0.1]])
 
 def microgrid() -> Microgrid:
     """One load and two unlike storage units behind the line, generator and PV on either side."""
-    case = small(
+    case = small_case(
         slots=1,
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[
             {"bus": "2", "p_max_mw": 1.5, "shed_cost_per_mwh": 20.0, "profile": "demand"},
             {"bus": "1", "p_max_mw": 0.4, "shed_cost_per_mwh": 9.0},
@@ -44,7 +44,7 @@ def microgrid() -> Microgrid:
         ],
         generator=[{"bus": "2", "p_max_mw": 0.5, "cost_per_mwh": 2.0}],
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
-        columns={"demand": [1.0], "sun": [1.0]},
+        profiles={"demand": [1.0], "sun": [1.0]},
     )
     return Microgrid.of(case, "copperplate")
 

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 from solving import Solved, power, solved
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.methods.answer import widest
+from resilience.testing import small_case
 
 
 def power_flow(found: Solved, t: int) -> tuple[Floats, Floats]:
@@ -72,7 +72,7 @@ def test_ieee33_in_its_storm(method: str) -> None:
 
 def island(sun: float) -> Case:
     """Four buses without grid, 1 MW of load, storage almost full, curtailable PV."""
-    return small(
+    return small_case(
         slots=4,
         buses=4,
         lines=[(1, 2, 0.02, 0.01), (2, 3, 0.03, 0.02), (2, 4, 0.02, 0.02)],
@@ -114,7 +114,7 @@ def test_an_island_short_of_power_closes_its_cones_by_itself() -> None:
 
 def test_must_take_surplus_is_polished_and_its_gap_reported() -> None:
     """The relaxation burns the surplus in the wires; the AC plan has to export it, and pays."""
-    case = small(
+    case = small_case(
         slots=2,
         buses=3,
         lines=[(1, 2, 0.01, 0.01), (2, 3, 0.02, 0.02)],

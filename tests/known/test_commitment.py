@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from small import small
 from solving import solved
 
 from resilience.case import Case, load_case
 from resilience.models.case_program import horizon
 from resilience.models.methods.conic import completed, relaxation
+from resilience.testing import small_case
 
 CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 
@@ -17,7 +17,7 @@ CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 def economies_of_scale() -> Case:
     """Two units whose second MW costs a fifth of the first; 1.5 MW of load beside one of them."""
     unit = {"p_max_mw": 2.0, "cost_curve": CURVE, "q_min_mvar": -1.0, "q_max_mvar": 1.0}
-    return small(
+    return small_case(
         slots=1,
         buses=2,
         lines=[(1, 2, 1e-5, 1e-5)],
@@ -53,11 +53,11 @@ def pair(*, must_take: bool = False) -> Case:
     """A storm of three hours, two units with minimum power and start cost, storage and PV."""
     unit = {"p_min_mw": 0.6, "p_max_mw": 1.5, "cost_per_mwh": 0.5, "start_cost": 0.3}
     unit |= {"no_load_cost_per_h": 0.1, "q_min_mvar": -1.0, "q_max_mvar": 1.0}
-    return small(
+    return small_case(
         slots=3,
         buses=3,
         lines=[(1, 2, 0.02, 0.02), (2, 3, 0.03, 0.02)],
-        columns={"load": [0.5, 1.0, 0.3], "sun": [0.2, 0.5, 1.0]},
+        profiles={"load": [0.5, 1.0, 0.3], "sun": [0.2, 0.5, 1.0]},
         generator=[unit, unit | {"bus": "3", "cost_per_mwh": 0.6, "p_min_mw": 0.3}],
         ess=[{"bus": "2", "p_max_mw": 0.5, "e_mwh": 1.0, "soc_initial": 0.2, "s_mva": 0.6}
              | {"degradation_cost_per_mwh": 0.2, "efficiency_charge": 0.95}],

@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from small import small
 from solving import solved
 
 from resilience.case import Case, load_case
 from resilience.models.microgrid import MARGIN
 from resilience.models.network.graph import exchange
+from resilience.testing import small_case
 
 
 def random_case(rng: np.random.Generator, ring: bool) -> Case:
@@ -20,7 +20,7 @@ def random_case(rng: np.random.Generator, ring: bool) -> Case:
         lines.append((*sorted(free)[int(rng.integers(len(free)))], 0.01, 0.01))
     load = [{"p_max_mw": 1.0, "shed_cost_per_mwh": 1.0}]
     grid = [{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}]
-    return small(buses=7, lines=lines, load=load, grid=grid)
+    return small_case(buses=7, lines=lines, load=load, grid=grid)
 
 
 def sides(case: Case, k: int) -> tuple[np.ndarray, np.ndarray]:

@@ -3,25 +3,25 @@
 from datetime import datetime
 
 import pytest
-from small import small
 from solving import solved
 
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.case_program import horizon
+from resilience.testing import small_case
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 1.0}
 
 
 def forced_feed_in() -> object:
     """3 MW that must be taken at the end of a line, and only from 01:00 on; v_2 <= 1.05 pu."""
-    return small(
+    return small_case(
         slots=2,
         buses=2,
         lines=[(1, 2, 0.03, 0.03)],
-        band=(0.9, 1.05),
-        columns={"sun": [0.2, 1.0]},
+        voltage_band_pu=(0.9, 1.05),
+        profiles={"sun": [0.2, 1.0]},
         grid=[GRID | {"export_max_mw": 10.0}],
         pv=[{"bus": "2", "p_max_mw": 3.0, "curtailable": False, "profile": "sun"}],
     )
@@ -47,7 +47,7 @@ def test_scip_names_them_too() -> None:
 def test_a_unit_that_may_not_stop_yet(method: str) -> None:
     """At least 2 MW for another hour, 1 MW of load, and nowhere to put the rest."""
     unit = {"p_min_mw": 2.0, "p_max_mw": 3.0, "cost_per_mwh": 1.0, "min_up_h": 2.0}
-    case = small(
+    case = small_case(
         slots=2,
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
         generator=[unit | {"initial_on": True, "initial_hours": 1.0, "p_initial_mw": 2.0}],

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 from solving import Solved, power, solved
 
 from resilience.case import Case, load_case
@@ -13,6 +12,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.graph import closable
 from resilience.models.program.unroll import unroll
+from resilience.testing import small_case
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}
@@ -27,11 +27,11 @@ METHODS_OF = [
 def cut_off(**devices: Any) -> Case:
     """The grid at bus 1, everything else at bus 2, and the line between fails in hours 2 and 3."""
     placed = {kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()}
-    return small(
+    return small_case(
         slots=4,
         buses=2,
         lines=[(1, 2, 0.001, 0.001)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         outages=["1-2@01:00-03:00"],
         grid=[GRID],
         load=[{"bus": "2", **LOAD}],
@@ -113,7 +113,7 @@ def test_storage_and_generators_form_islands_unless_they_say_otherwise(
 
 
 def test_a_grid_that_does_not_form_needs_one_that_does() -> None:
-    following = small(
+    following = small_case(
         slots=1,
         buses=2,
         lines=[(1, 2, 0.001, 0.001)],
@@ -130,10 +130,10 @@ def test_an_ac_island_needs_reactive_power_for_its_lines() -> None:
     """Every flow takes x l in Mvar. Storage at unity power factor cannot give it; a rating can."""
     lone = {"slots": 1, "buses": 2, "lines": [(1, 2, 0.01, 0.01)]}
     load = [{"bus": "2", **LOAD}]
-    without = small(**lone, ess=[STORAGE], load=load)
+    without = small_case(**lone, ess=[STORAGE], load=load)
     assert solved(without, "lp")["load.shed"].sum() == pytest.approx(0.0)
     assert solved(without, "minlp")["load.shed"].sum() == pytest.approx(1.0, abs=1e-3)
-    rated = small(**lone, ess=[STORAGE | {"s_mva": 1.1, "p_min_mw": -1.1}], load=load)
+    rated = small_case(**lone, ess=[STORAGE | {"s_mva": 1.1, "p_min_mw": -1.1}], load=load)
     assert solved(rated, "minlp")["load.shed"].sum() == pytest.approx(0.0, abs=1e-6)
 
 
@@ -187,11 +187,11 @@ def unmerged(case: Case) -> CaseProgram:
 
 def loops() -> Case:
     """A ring of four buses with one rated and one fallible line, and a spur that can be rated."""
-    return small(
+    return small_case(
         slots=3,
         buses=5,
         lines=[(i, j, 0.01, 0.01) for i, j in ((1, 2), (2, 3), (3, 4), (4, 1), (4, 5))],
-        about=[{"name": "2-3", "rating_mva": 0.3}, {"name": "4-1", "breakpoint": True}],
+        line_tables=[{"name": "2-3", "rating_mva": 0.3}, {"name": "4-1", "breakpoint": True}],
         outages=["4-1@01:00-02:00"],
         grid=[GRID],
         load=[{"bus": b, **LOAD} for b in ("2", "3", "5")],

@@ -7,11 +7,11 @@ only there, `lp` adds binaries.
 
 import numpy as np
 import pytest
-from small import small
 from solving import Solved, solved
 
 from resilience.case import Case, load_case
 from resilience.errors import InfeasibleError
+from resilience.testing import small_case
 
 LOSSY = {"efficiency_charge": 0.95, "efficiency_discharge": 0.95}
 PAPER = {"efficiency_charge": 0.999, "efficiency_discharge": 1 / 1.001}
@@ -26,7 +26,7 @@ def island(surplus_mw: float, efficiency: dict, full: bool = True, curtail: bool
         "soc_initial": 1.0 if full else 0.5,
         "degradation_cost_per_mwh": DEGRADATION,
     }
-    return small(
+    return small_case(
         slots=4,
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}],
         pv=[{"p_max_mw": 1.0 + surplus_mw, "curtailable": curtail}],
@@ -106,7 +106,7 @@ def test_room_in_the_storage_needs_no_binary(efficiency: dict) -> None:
 
 def dear_export() -> Case:
     """1 MW of must-take PV for an hour, full storage without wear, export at 1 $/MWh."""
-    return small(
+    return small_case(
         slots=1,
         pv=[{"p_max_mw": 1.0, "curtailable": False}],
         ess=[{"p_max_mw": 2.0, "e_mwh": 4.0, "soc_initial": 1.0}
@@ -133,7 +133,7 @@ def test_binaries_are_added_where_cycling_would_pay() -> None:
 def test_export_paid_above_import_is_no_money_machine(method: str) -> None:
     """Buying at 0.3 and selling at 0.5 in the same hour would earn 0.2 * 5; a connection cannot."""
     grid = {"import_max_mw": 5.0, "export_max_mw": 5.0, "import_cost_per_mwh": 0.3}
-    case = small(
+    case = small_case(
         slots=2,
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}],
         grid=[grid | {"export_cost_per_mwh": -0.5}],
@@ -146,9 +146,9 @@ def test_export_paid_above_import_is_no_money_machine(method: str) -> None:
 @pytest.mark.parametrize("efficiency", [LOSSY, PAPER])
 def test_a_negative_import_price_needs_no_binary_while_curtailing_is_free(efficiency: dict) -> None:
     grid = {"import_max_mw": 5.0, "import_cost_per_mwh": 1.0, "price_profile": "price"}
-    case = small(
+    case = small_case(
         slots=4,
-        columns={"price": [-0.1, -0.1, 0.3, 0.3]},
+        profiles={"price": [-0.1, -0.1, 0.3, 0.3]},
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}],
         ess=[{"p_max_mw": 2.0, "e_mwh": 4.0, "degradation_cost_per_mwh": 0.2} | efficiency],
         grid=[grid],

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.planning.plan import Plan
 from resilience.planning.tables import SlotTable
 from resilience.simulation.replay import Replayed, replay
+from resilience.testing import small_case
 
 METHODS = [
     ("lp", "copperplate"),
@@ -76,11 +76,11 @@ def test_ieee33_with_and_without_commitment_by_every_method(
 def everything() -> Plan:
     """Blocks, ramps, minimum times, a curve, switching at a cost, a rating and an outage."""
     load = {"p_max_mw": 0.8, "shed_cost_per_mwh": 20.0, "power_factor": 0.95}
-    case = small(
+    case = small_case(
         slots=6,
         buses=3,
         lines=[(1, 2, 0.01, 0.01), (2, 3, 0.01, 0.01), (1, 3, 0.01, 0.01)],
-        about=[
+        line_tables=[
             {"name": "1-3", "switchable": True, "switching_cost": 0.1},
             {"name": "2-3", "switchable": True, "switching_cost": 0.2},
             {"name": "1-2", "rating_mva": 1.5, "breakpoint": True},
@@ -90,7 +90,7 @@ def everything() -> Plan:
             {**load, "bus": "2", "block": True, "profile": "demand"},
             {**load, "bus": "3", "profile": "demand"},
         ],
-        columns={"demand": [0.3, 0.9, 1.0, 0.9, 0.6, 1.0], "sun": [0.0, 0.5, 1.0, 1.0, 0.4, 0.0]},
+        profiles={"demand": [0.3, 0.9, 1.0, 0.9, 0.6, 1.0], "sun": [0.0, 0.5, 1.0, 1.0, 0.4, 0.0]},
         pv=[{"bus": "3", "p_max_mw": 0.6, "profile": "sun", "s_mva": 0.7}],
         ess=[{"bus": "3", "p_max_mw": 0.5, "e_mwh": 1.0, "efficiency_charge": 0.9, "s_mva": 0.6}],
         generator=[
@@ -109,7 +109,7 @@ def everything() -> Plan:
             }
         ],
         grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 4.0}],
-        terminal=1.0,
+        terminal_value_per_mwh=1.0,
     )
     return rs.solve(case, "milp", physics="lindistflow", relative_gap=0.0)
 

@@ -6,12 +6,12 @@ import networkx as nx
 import numpy as np
 import pytest
 from feeder33 import LOAD_MW, case33
-from small import small
 from solving import Solved, solved
 
 from resilience.case import Case
 from resilience.models.case_program import horizon
 from resilience.models.methods.start import mended
+from resilience.testing import small_case
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}
@@ -20,11 +20,11 @@ Z = (1e-4, 1e-4)
 
 def tied(tie: dict[str, Any] | None = None, outage: str = "1-2@01:00-03:00") -> Case:
     """Buses 1-2-3 in a row with 1 MW at 2 and 3, and a tie 1-3 that is open; 1-2 fails for 2 h."""
-    case = small(
+    case = small_case(
         slots=4,
         buses=3,
         lines=[(1, 2, *Z), (2, 3, *Z), (1, 3, *Z)],
-        about=[{"name": "1-3", "switchable": True} | (tie or {})],
+        line_tables=[{"name": "1-3", "switchable": True} | (tie or {})],
         outages=[outage],
         grid=[GRID],
         load=[LOAD | {"bus": "2"}, LOAD | {"bus": "3"}],
@@ -92,11 +92,11 @@ def test_live_buses_must_be_reconnected_even_at_a_loss() -> None:
 
 
 def test_switches_in_a_dead_part_stand_open() -> None:
-    case = small(
+    case = small_case(
         slots=2,
         buses=4,
         lines=[(1, 2, *Z), (2, 3, *Z), (3, 4, *Z)],
-        about=[{"name": "2-3", "switchable": True}, {"name": "3-4", "switchable": True}],
+        line_tables=[{"name": "2-3", "switchable": True}, {"name": "3-4", "switchable": True}],
         outages=["1-2@01:00-02:00"],
         grid=[GRID],
         load=[LOAD | {"bus": "3"}, LOAD | {"bus": "4"}],
@@ -110,11 +110,11 @@ def test_switches_in_a_dead_part_stand_open() -> None:
 def two_sources() -> Case:
     """A ring of six buses, all switchable, with the grid at 1 and storage at 4; two lines fail."""
     ring = [(1, 2, *Z), (2, 3, *Z), (3, 4, *Z), (4, 5, *Z), (5, 6, *Z), (6, 1, *Z)]
-    return small(
+    return small_case(
         slots=4,
         buses=6,
         lines=ring,
-        about=[{"name": f"{i}-{j}", "switchable": True} for i, j, *_ in ring],
+        line_tables=[{"name": f"{i}-{j}", "switchable": True} for i, j, *_ in ring],
         outages=["1-2@01:00-03:00", "6-1@02:00-04:00"],
         grid=[GRID],
         ess=[{"bus": "4", "p_max_mw": 3.0, "e_mwh": 6.0, "soc_initial": 1.0}
@@ -173,11 +173,11 @@ def test_a_mended_topology_is_a_forest_close_to_the_one_before(name: str) -> Non
 
 def test_mending_closes_no_tie_between_two_sources() -> None:
     """Storage at bus 2, the grid at bus 1 and an open tie between them: nobody needs it."""
-    case = small(
+    case = small_case(
         slots=1,
         buses=2,
         lines=[(1, 2, *Z)],
-        about=[{"name": "1-2", "switchable": True}],
+        line_tables=[{"name": "1-2", "switchable": True}],
         grid=[GRID],
         ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 1.0}],
     )

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from small import small
 from solving import solved
 
 from resilience.case import Case
+from resilience.testing import small_case
 
 R, X = 0.02, 0.04
 GRID = {"import_max_mw": 10.0, "export_max_mw": 10.0, "import_cost_per_mwh": 1.0}
@@ -26,8 +26,14 @@ def line(r: float = R, x: float = X, rating: float | None = None, **devices: Any
     band = devices.pop("band", (0.9, 1.1))
     grid = devices.pop("grid", {})
     placed = {kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()}
-    return small(
-        slots=1, buses=2, lines=[(1, 2, r, x)], about=about, band=band, grid=[GRID | grid], **placed
+    return small_case(
+        slots=1,
+        buses=2,
+        lines=[(1, 2, r, x)],
+        line_tables=about,
+        voltage_band_pu=band,
+        grid=[GRID | grid],
+        **placed,
     )
 
 
@@ -134,12 +140,12 @@ def test_reactive_power_at_the_far_end_serves_more(kind: str) -> None:
         "ess": {"p_max_mw": 0.4, "e_mwh": 1.0, "soc_initial": 0.0, "s_mva": 0.4},
         "generator": {"p_max_mw": 0.0, "q_max_mvar": 0.4},
     }[kind]
-    case = small(
+    case = small_case(
         slots=1,
         buses=2,
         lines=[(1, 2, R, X)],
-        columns={"dark": [0.0]},
-        band=(V_MIN, 1.1),
+        profiles={"dark": [0.0]},
+        voltage_band_pu=(V_MIN, 1.1),
         grid=[GRID],
         load=[{"bus": "2", **load(3.0, **PF)}],
         **{kind: [{"bus": "2", **unit}]},

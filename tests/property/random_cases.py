@@ -6,9 +6,9 @@ from typing import Any
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from small import small
 
 from resilience.case import Case
+from resilience.testing import small_case
 
 quick = settings(
     deadline=None,
@@ -118,8 +118,8 @@ def documents(draw: st.DrawFn, *, blocks: bool = True, memory: bool = True) -> d
         "buses": buses,
         "lines": lines,
         "outages": outages,
-        "columns": {name: draw(shares)[:slots] for name in ("demand", "sun", "price")},
-        "terminal": draw(number(0, 3)),
+        "profiles": {name: draw(shares)[:slots] for name in ("demand", "sun", "price")},
+        "terminal_value_per_mwh": draw(number(0, 3)),
         "load": draw(loads(buses, blocks)),
         "pv": draw(plants(buses)),
         "ess": draw(batteries(buses)),
@@ -141,10 +141,10 @@ PRICES = (
 
 def dearer(document: dict[str, Any], factor: float) -> Case:
     """The case with all its prices multiplied."""
-    changed = {**document, "terminal": document["terminal"] * factor}
+    changed = {**document, "terminal_value_per_mwh": document["terminal_value_per_mwh"] * factor}
     for kind in ("load", "pv", "ess", "generator", "grid"):
         changed[kind] = [
             {key: value * factor if key in PRICES else value for key, value in table.items()}
             for table in document[kind]
         ]
-    return small(**changed)
+    return small_case(**changed)

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_cases import quick
-from small import small
 
 from resilience.models.backends.base import Solution
 from resilience.models.backends.cvxpy import Conic
@@ -22,23 +21,24 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Physics
 from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.unroll import unroll
+from resilience.testing import small_case
 
 
 @cache
 def feeder(physics: Physics) -> CaseProgram:
     """Three buses with a load, a battery, a plant and the grid, over two hours."""
-    case = small(
+    case = small_case(
         buses=3,
         lines=[(1, 2, 0.02, 0.01), (2, 3, 0.02, 0.02)],
-        about=[{"name": "2-3", "rating_mva": 0.8}],
-        columns={"price": [0.4, 1.0]},
+        line_tables=[{"name": "2-3", "rating_mva": 0.8}],
+        profiles={"price": [0.4, 1.0]},
         load=[{"bus": "3", "p_max_mw": 1.0, "power_factor": 0.9, "shed_cost_per_mwh": 9.0}],
         pv=[{"bus": "2", "p_max_mw": 0.4, "s_mva": 0.5}],
         ess=[{"bus": "3", "p_max_mw": 0.5, "e_mwh": 1.0, "degradation_cost_per_mwh": 0.1}],
         grid=[
             {"import_max_mw": 2.0, "import_cost_per_mwh": 3.0, "price_profile": "price"},
         ],
-        terminal=1.0,
+        terminal_value_per_mwh=1.0,
     )
     return horizon(case, physics)
 

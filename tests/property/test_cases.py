@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, note
 from random_cases import dearer, documents, number, quick
-from small import best, small
 
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
@@ -19,6 +18,7 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
+from resilience.testing import case_optimum, small_case
 
 TOLERANCE = 1e-5
 FLAT: tuple[Physics, ...] = ("copperplate", "lindistflow")
@@ -46,7 +46,7 @@ def breaks(problem: CaseProgram, found: Solution) -> dict[str, float]:
 def test_a_relaxation_costs_at_most_what_the_exact_model_costs(
     physics: Physics, document: dict[str, Any]
 ) -> None:
-    problem = horizon(small(**document), physics)
+    problem = horizon(small_case(**document), physics)
     found = exact(problem)
     assume(found.status == "optimal")
     nothing = np.zeros(problem.standard.n_columns, bool)
@@ -61,7 +61,7 @@ def test_a_relaxation_costs_at_most_what_the_exact_model_costs(
 @given(documents(blocks=False, memory=False))
 def test_the_cone_relaxation_is_below_the_ac_equations(document: dict[str, Any]) -> None:
     document["generator"] = []
-    problem = horizon(small(**document), "distflow")
+    problem = horizon(small_case(**document), "distflow")
     bound = solve(Conic(problem.standard), problem)
     solver = NLP(problem.standard)
     solver.start_from(bound.point)
@@ -79,7 +79,7 @@ def test_the_cone_relaxation_is_below_the_ac_equations(document: dict[str, Any])
 def test_pyomo_and_direct_highs_agree_and_the_referee_accepts_both(
     physics: Physics, document: dict[str, Any]
 ) -> None:
-    problem = horizon(small(**document), physics)
+    problem = horizon(small_case(**document), physics)
     direct, oracle = exact(problem), solve(Pyomo(problem.standard, gap=0.0), problem)
     assert direct.status == oracle.status
     assume(direct.status == "optimal")
@@ -91,7 +91,7 @@ def test_pyomo_and_direct_highs_agree_and_the_referee_accepts_both(
 @quick
 @given(documents())
 def test_the_referee_accepts_what_conic_and_nlp_hold(document: dict[str, Any]) -> None:
-    problem = horizon(small(**document), "lindistflow")
+    problem = horizon(small_case(**document), "lindistflow")
     modes = {s.name for s in problem.standard.structures if s.kind in ("split", "adjacent")}
     for backend in (Conic, NLP):
         found = solve(backend(problem.standard), problem)
@@ -102,7 +102,7 @@ def test_the_referee_accepts_what_conic_and_nlp_hold(document: dict[str, Any]) -
 @quick
 @given(documents(), number(0.1, 10))
 def test_scaling_all_prices_scales_the_cost(document: dict[str, Any], factor: float) -> None:
-    once = exact(horizon(small(**document), "copperplate"))
+    once = exact(horizon(small_case(**document), "copperplate"))
     assume(once.status == "optimal")
     more = exact(horizon(dearer(document, factor), "copperplate"))
     assert more.objective == pytest.approx(factor * once.objective, rel=1e-6, abs=1e-6)
@@ -118,5 +118,7 @@ def test_more_outage_never_lowers_the_cost(document: dict[str, Any]) -> None:
     steps = [[], [f"{last}@01:00-02:00"], [f"{last}@00:00-{slots:02d}:00"]]
     if buses > 2:
         steps.append([f"{k}-{k + 1}@00:00-{slots:02d}:00" for k in range(1, buses)])
-    costs = [best(small(**{**document, "outages": outages})).objective for outages in steps]
+    costs = [
+        case_optimum(small_case(**{**document, "outages": outages})).objective for outages in steps
+    ]
     assert (np.diff(costs) >= -1e-6).all(), costs

@@ -9,7 +9,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_cases import number, quick
-from small import small
 from stepping import Scene, assert_sound, scene
 
 from resilience.arrays import Floats
@@ -21,6 +20,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator, Step
+from resilience.testing import small_case
 
 MEMBERS = 6
 LOADS = {"p_max_mw": number(0.1, 1.5), "shed_cost_per_mwh": number(2, 9)}
@@ -74,10 +74,10 @@ def cases(draw: st.DrawFn) -> Case:
         table = st.fixed_dictionaries({"bus": st.integers(1, buses).map(str), **keys})
         least = 1 if kind == "generator" else 0
         devices[kind] = draw(st.lists(table, min_size=least, max_size=most))
-    return small(
+    return small_case(
         buses=buses,
         lines=[(i, j, 1e-6, 1e-6) for i, j in lines],
-        about=[
+        line_tables=[
             {"name": f"{i}-{j}", "breakpoint": True}
             for (i, j), weak in zip(lines, weak, strict=True)
             if weak

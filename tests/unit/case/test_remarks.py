@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case.checks.remarks import remarks
+from resilience.testing import small_case
 
 
 def test_a_forming_unit_without_reactive_power_is_named() -> None:
     loads = [{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0, "power_factor": 0.9}]
     storage = [{"p_max_mw": 1.0, "e_mwh": 2.0}, {"p_max_mw": 1.0, "e_mwh": 2.0, "s_mva": 1.2}]
     diesel = [{"p_max_mw": 1.0}, {"p_max_mw": 1.0, "grid_forming": False}]
-    (words,) = remarks(small(load=loads, ess=storage, generator=diesel))
+    (words,) = remarks(small_case(load=loads, ess=storage, generator=diesel))
     assert words.startswith(
         "[[ess]] ess1, [[generator]] generator1: grid-forming without s_mva or q_max_mvar"
     )
@@ -22,7 +22,7 @@ def test_a_forming_unit_without_reactive_power_is_named() -> None:
 
 def test_loads_without_reactive_power_need_none() -> None:
     loads = [{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}]
-    assert remarks(small(load=loads, ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])) == []
+    assert remarks(small_case(load=loads, ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])) == []
 
 
 @pytest.mark.parametrize("name", ["ieee33", "ieee33-commitment", "large"])

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
@@ -24,6 +23,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.world import Observation, World, simulate
+from resilience.testing import small_case
 
 LIKELY = np.array([0.75, 0.25])
 
@@ -37,12 +37,12 @@ def tiny(**more: float) -> World:
     of the other: 1 + 0.5 + 0.5 * 5 = 4 $. Rule 0.9 buys 0.45 MWh in both, and gives it in the first
     slot of the island: sheds 0.05 + 0.3 MWh of the one load and 0.2 MWh of the critical one.
     """
-    case = small(
+    case = small_case(
         slots=4,
         step_min=30.0,
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[
             {"bus": "2", "p_max_mw": 0.6, "shed_cost_per_mwh": 5.0},
             {"bus": "2", "p_max_mw": 0.4, "shed_cost_per_mwh": 10.0, "critical": True},
@@ -120,7 +120,7 @@ def test_a_mean_over_episodes_that_are_not_alike_is_no_interquartile_mean(
 
 
 def test_the_end_credit_is_worth_the_energy_left() -> None:
-    world = tiny(terminal=2.0)
+    world = tiny(terminal_value_per_mwh=2.0)
     run = simulate(world, DISPATCHERS["rule-0.9"](world))
     assert run.objective(2.0) == pytest.approx([2.45 - 2 * 0.45, 5.2])
     assert rs.evaluate(world, ["idle"]).end_value_per_mwh == 2.0
@@ -129,11 +129,11 @@ def test_the_end_credit_is_worth_the_energy_left() -> None:
 def test_critical_loads_are_marked_or_have_priority() -> None:
     load = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.0}
     grid = [{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}]
-    first = small(load=[load, load | {"priority": 2.0}], grid=grid)
+    first = small_case(load=[load, load | {"priority": 2.0}], grid=grid)
     assert critical_loads(first).tolist() == [False, True]
-    second = small(load=[load | {"critical": True}, load | {"priority": 2.0}], grid=grid)
+    second = small_case(load=[load | {"critical": True}, load | {"priority": 2.0}], grid=grid)
     assert critical_loads(second).tolist() == [True, False]
-    assert not critical_loads(small(load=[load, load], grid=grid)).any()
+    assert not critical_loads(small_case(load=[load, load], grid=grid)).any()
 
 
 @pytest.fixture(scope="module")
@@ -314,7 +314,7 @@ def test_one_physics_for_everybody() -> None:
 
     The clairvoyant serves it from storage: 0.55 MWh for two hours, of 0.73 MWh that lack.
     """
-    case = small(
+    case = small_case(
         buses=2,
         lines=[(1, 2, 0.15, 0.0)],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0}],

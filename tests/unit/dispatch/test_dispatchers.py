@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case.days import held_out
@@ -21,6 +20,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import Observation, World, simulate
+from resilience.testing import small_case
 
 VALUE = 0.35
 QUICK = sorted(set(DISPATCHERS) - {"sddp"})  # which trains first: its own tests say the same
@@ -74,12 +74,12 @@ def test_the_rule_reaches_its_level_and_holds_it() -> None:
 
 
 def test_greedy_serves_the_net_demand_of_its_island() -> None:
-    case = small(
+    case = small_case(
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
         pv=[{"p_max_mw": 1.6, "profile": "sun"}],
         ess=[{"p_max_mw": 2.0, "e_mwh": 4.0, "soc_initial": 0.5}] * 2,
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
-        columns={"sun": [0.0, 1.0]},
+        profiles={"sun": [0.0, 1.0]},
     )
     none = Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
     world = World.of(Microgrid.of(case, "copperplate"), none)

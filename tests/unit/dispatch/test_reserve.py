@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case import Case
 from resilience.dispatch.reserve import Reserve, reserve_price
 from resilience.models.microgrid import Microgrid
+from resilience.testing import small_case
 
 
 def chain(extra: tuple[tuple[int, int, float, float], ...] = (), **head: object) -> Case:
     """A grid at bus 1, then two breakpoints in a row; a store behind each."""
     lines = [(1, 2, 0.01, 0.01), (2, 3, 0.01, 0.01), *extra]
-    return small(
+    return small_case(
         slots=8,
         buses=3,
         lines=lines,
-        about=[{"name": f"{i}-{j}", "breakpoint": True} for i, j, *_ in lines],
+        line_tables=[{"name": f"{i}-{j}", "breakpoint": True} for i, j, *_ in lines],
         load=[
             {"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0},
             {"bus": "3", "p_max_mw": 3.0, "shed_cost_per_mwh": 8.0, "priority": 2.0},

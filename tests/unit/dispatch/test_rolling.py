@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.arrays import Floats, Ints
@@ -21,6 +20,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
 from resilience.simulation.world import Observation, World
+from resilience.testing import small_case
 
 
 def exact(case: Case) -> object:
@@ -29,10 +29,10 @@ def exact(case: Case) -> object:
 
 def feeder(shed: float = 10.0, **changes: object) -> Case:
     """A grid at 1 $/MWh and, behind a breakpoint, 1 MW of load with an empty store."""
-    return small(
+    return small_case(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": shed}],
         ess=[{"bus": "2", "p_max_mw": 5.0, "e_mwh": 9.0, "soc_initial": 0.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
@@ -43,10 +43,10 @@ def feeder(shed: float = 10.0, **changes: object) -> Case:
 def worn() -> Case:
     """The feeder with a store that wears at 4 $/MWh."""
     store = {"bus": "2", "p_max_mw": 5.0, "e_mwh": 9.0, "soc_initial": 0.0}
-    return small(
+    return small_case(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 10.0}],
         ess=[{**store, "degradation_cost_per_mwh": 4.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],

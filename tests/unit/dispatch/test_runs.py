@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.arrays import Floats
@@ -25,6 +24,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.world import Observation, World, simulate
+from resilience.testing import small_case
 
 METHODS = ["rule", "mpc-blind"]
 
@@ -216,7 +216,7 @@ def test_results_come_as_they_are_finished() -> None:
 
 
 def test_a_case_without_storage_has_a_bound() -> None:
-    case = small(
+    case = small_case(
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
         grid=[{"import_max_mw": 0.6, "import_cost_per_mwh": 1.0}],
     )

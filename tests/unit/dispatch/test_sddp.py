@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case import Case
@@ -23,6 +22,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import World, simulate
+from resilience.testing import small_case
 
 HOURS = np.arange(24)
 FEW = Settings(iterations=2, paths=2)
@@ -30,13 +30,13 @@ FEW = Settings(iterations=2, paths=2)
 
 def village(breakpoint_: bool = True) -> Case:
     """A day of a load behind a line, with storage, PV, a dear generator and a price by the hour."""
-    return small(
+    return small_case(
         slots=24,
         step_min=60.0,
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": breakpoint_}],
-        terminal=0.5,
+        line_tables=[{"name": "1-2", "breakpoint": breakpoint_}],
+        terminal_value_per_mwh=0.5,
         load=[{"bus": "2", "p_max_mw": 1.2, "shed_cost_per_mwh": 30.0, "profile": "demand"}],
         pv=[{"bus": "2", "p_max_mw": 0.8, "profile": "sun", "curtailable": True}],
         ess=[{"bus": "2", "p_max_mw": 0.6, "e_mwh": 2.0, "efficiency_charge": 0.95}],
@@ -48,7 +48,7 @@ def village(breakpoint_: bool = True) -> Case:
                 "tariff": [["00:00", 0.5], ["07:00", 1.0], ["17:00", 2.0]],
             }
         ],
-        columns={
+        profiles={
             "demand": (0.6 + 0.3 * np.sin((HOURS - 11) / 24 * 2 * np.pi)).tolist(),
             "sun": np.clip(np.sin((HOURS - 6) / 12 * np.pi), 0.0, 1.0).tolist(),
         },
@@ -107,8 +107,8 @@ def test_units_that_behave_as_one_are_one() -> None:
 def test_units_that_start_apart_stay_apart() -> None:
     one = {"p_max_mw": 1.0, "e_mwh": 2.0, "soc_initial": 0.5}
     grid = [{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}]
-    alike = small(ess=[one, {**one, "e_mwh": 4.0, "p_max_mw": 2.0}], grid=grid)
-    other = small(ess=[one, {**one, "soc_initial": 0.4}], grid=grid)
+    alike = small_case(ess=[one, {**one, "e_mwh": 4.0, "p_max_mw": 2.0}], grid=grid)
+    other = small_case(ess=[one, {**one, "soc_initial": 0.4}], grid=grid)
     assert [Fleet.of(case).n for case in (alike, other)] == [1, 2]
 
 
@@ -243,10 +243,10 @@ def test_centres_share_a_cut_set_by_bins() -> None:
 
 def test_more_than_six_breakpoints_are_refused() -> None:
     lines = [(k, k + 1, 0.01, 0.01) for k in range(1, 8)]
-    case = small(
+    case = small_case(
         buses=8,
         lines=lines,
-        about=[{"name": f"{k}-{k + 1}", "breakpoint": True} for k in range(1, 8)],
+        line_tables=[{"name": f"{k}-{k + 1}", "breakpoint": True} for k in range(1, 8)],
         ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}],
     )
     with pytest.raises(rs.UsageError, match="7 breakpoints; allowed: up to 6") as caught:
@@ -255,6 +255,6 @@ def test_more_than_six_breakpoints_are_refused() -> None:
 
 
 def test_a_case_without_storage_is_refused() -> None:
-    case = small(grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}])
+    case = small_case(grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}])
     with pytest.raises(rs.UsageError, match="no storage"):
         Book(case, cache=False)

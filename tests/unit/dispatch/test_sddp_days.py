@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case.days import held_out
 from resilience.dispatch.sddp.days import Days, learnt, past_days, slot_of_day
+from resilience.testing import small_case
 
 RNG = np.random.default_rng(4)
 SLOTS = 24
@@ -69,12 +69,12 @@ def test_nothing_is_learnt_from_test_days() -> None:
 
 
 def test_a_case_without_a_file_is_its_own_climate() -> None:
-    case = small(
+    case = small_case(
         slots=6,
         step_min=240.0,
         load=[{"p_max_mw": 2.0, "shed_cost_per_mwh": 5.0, "profile": "demand"}],
         grid=[{"import_max_mw": 3.0, "import_cost_per_mwh": 1.0}],
-        columns={"demand": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
+        profiles={"demand": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]},
     )
     days = past_days(case)
     np.testing.assert_allclose(days.values[0, 0], case.profile("demand"))

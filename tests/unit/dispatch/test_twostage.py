@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 from typer.testing import CliRunner
 
 import resilience as rs
@@ -28,6 +27,7 @@ from resilience.planning.scenario_methods import solve_scenario_program, wait_an
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_program import DistinctScenarios, scenario_program
 from resilience.simulation.world import grid_with_fallible_lines
+from resilience.testing import small_case
 
 ALGORITHMS = ("extensive", "lshaped")
 
@@ -50,10 +50,10 @@ def case(**changes: object) -> Case:
             }
         ],
     }
-    return small(
+    return small_case(
         buses=2,
         lines=[(1, 2, 0.0, 0.0)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         **(tables | changes),  # type: ignore[arg-type]
     )
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.case import Case
 from resilience.dispatch.end_value import energy_price, stored_energy_value
+from resilience.testing import small_case
 
 
 def trader(prices: list[float]) -> Case:
     """Efficiencies of 0.9 and 0.8, and wear of 1 $/MWh."""
-    return small(
+    return small_case(
         slots=len(prices),
-        columns={"price": [p / 60.0 for p in prices]},
+        profiles={"price": [p / 60.0 for p in prices]},
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1e3}],
         ess=[
             {
@@ -49,7 +49,7 @@ def test_no_way_of_selling_is_better(seed: int) -> None:
 
 
 def test_without_a_grid_it_is_the_cheapest_generator() -> None:
-    case = small(
+    case = small_case(
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 50.0}],
         generator=[{"p_max_mw": 2.0, "cost_per_mwh": 7.0}, {"p_max_mw": 2.0, "cost_per_mwh": 6.0}],
         ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}],

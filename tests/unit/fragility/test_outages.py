@@ -8,7 +8,6 @@ from datetime import datetime
 import numpy as np
 import pytest
 from scipy.stats import binom
-from small import small
 from storms import LINES, feeder
 
 from resilience.case import Case, Outage
@@ -24,6 +23,7 @@ from resilience.fragility import (
     summary,
 )
 from resilience.fragility.draw import shifts
+from resilience.testing import small_case
 
 NOON = Bell(centres=(48,))
 CASE = feeder()
@@ -162,7 +162,7 @@ def one_scenario(seed: int) -> Scenarios:
 
 def test_no_breakpoint_and_bad_numbers() -> None:
     assert breakpoints(CASE) == LINES
-    plain = small(grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}])
+    plain = small_case(grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}])
     with pytest.raises(UsageError, match="no breakpoint"):
         breakpoints(plain)
     for n, seed, days in ((0, 0, None), (1, -1, None), (1, 0, 0)):

@@ -7,21 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.models.backends import bonmin
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods import METHODS, MethodOptions
+from resilience.testing import small_case
 
 
 @pytest.fixture
 def problem() -> CaseProgram:
     """Two buses and a lossy line; the cheap generator has a minimum that two slots do not need."""
     unit = {"bus": "2", "p_max_mw": 1.0, "q_max_mvar": 1.0}
-    case = small(
+    case = small_case(
         buses=2,
         lines=[(1, 2, 0.02, 0.02)],
-        columns={"day": [0.2, 1.0, 0.3]},
+        profiles={"day": [0.2, 1.0, 0.3]},
         slots=3,
         load=[
             {"bus": "2", "p_max_mw": 0.8, "profile": "day", "shed_cost_per_mwh": 50.0,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import best, small
 
 from resilience.case import Case
+from resilience.testing import case_optimum, small_case
 
 STEPS = [60.0, 30.0, 15.0]
 SHED = 50.0
@@ -22,10 +22,10 @@ def hourly(
     """One load and one generator; `demand` in MW by the hour."""
     each = round(60 / step_min)
     peak = max(*demand, 1.0)
-    return small(
+    return small_case(
         slots=len(demand) * each,
         step_min=step_min,
-        columns={"demand": (np.repeat(demand, each) / peak).tolist()},
+        profiles={"demand": (np.repeat(demand, each) / peak).tolist()},
         load=[{"p_max_mw": peak, "profile": "demand", "shed_cost_per_mwh": shed}],
         generator=[{"p_max_mw": 4.0, "cost_per_mwh": 1.0, **generator}],
     )
@@ -35,7 +35,7 @@ def hourly(
 def test_a_start_binds_for_the_minimum_up_time(step_min: float) -> None:
     # One hour of demand; no-load costs 1 $/h: it runs three hours, as it must.
     case = hourly([0, 1, 0, 0, 0], step_min, {"min_up_h": 3.0, "no_load_cost_per_h": 1.0})
-    found = best(case)
+    found = case_optimum(case)
     assert found.objective == pytest.approx(1.0 + 3.0)
     assert found["generator.on"].sum() * case.step_h == pytest.approx(3.0)
 
@@ -52,28 +52,28 @@ def test_a_stop_binds_for_the_minimum_down_time(
         step_min,
         {"min_down_h": min_down_h, "no_load_cost_per_h": 5.0, "initial_on": True},
     )
-    assert best(case).objective == pytest.approx(cost)
+    assert case_optimum(case).objective == pytest.approx(cost)
 
 
 def test_a_minimum_time_that_is_no_multiple_of_the_step_is_rounded_up() -> None:
     case = hourly([0, 1, 0, 0], 60.0, {"min_up_h": 1.5, "no_load_cost_per_h": 1.0})
-    assert best(case)["generator.on"].sum() == 2.0
+    assert case_optimum(case)["generator.on"].sum() == 2.0
 
 
 @pytest.mark.parametrize("step_min", STEPS)
 def test_hours_before_the_horizon_count(step_min: float) -> None:
     # On for 1 of 3 hours: two to go, although nobody needs it.
     on = {"initial_on": True, "initial_hours": 1.0, "min_up_h": 3.0, "no_load_cost_per_h": 1.0}
-    assert best(hourly([0, 0, 0, 0], step_min, on)).objective == pytest.approx(2.0)
+    assert case_optimum(hourly([0, 0, 0, 0], step_min, on)).objective == pytest.approx(2.0)
     # Off for half an hour of two: the first 1.5 hours are shed.
     off = {"initial_on": False, "initial_hours": 0.5, "min_down_h": 2.0}
     expected = 1.5 * SHED + 2.5 if step_min <= 30 else 2.0 * SHED + 2.0
-    assert best(hourly([1, 1, 1, 1], step_min, off)).objective == pytest.approx(expected)
+    assert case_optimum(hourly([1, 1, 1, 1], step_min, off)).objective == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("step_min", STEPS)
 def test_a_ramp_up_is_per_hour(step_min: float) -> None:
-    found = best(hourly([4, 4, 4, 4], step_min, {"ramp_up_mw_per_h": 1.0}))
+    found = case_optimum(hourly([4, 4, 4, 4], step_min, {"ramp_up_mw_per_h": 1.0}))
     each = round(60 / step_min)
     assert found["generator.p"][0, each - 1 :: each] == pytest.approx([1.0, 2.0, 3.0, 4.0])
 
@@ -85,7 +85,7 @@ def test_a_ramp_down_is_per_hour(step_min: float, start_cost: float) -> None:
     # faster than the ramp.
     each = round(60 / step_min)
     unit = {"p_max_mw": 4.0, "ramp_down_mw_per_h": 1.0, "initial_on": True, "p_initial_mw": 4.0}
-    case = small(
+    case = small_case(
         slots=4 * each,
         step_min=step_min,
         generator=[{**unit, "start_cost": start_cost}],
@@ -98,13 +98,13 @@ def test_a_ramp_down_is_per_hour(step_min: float, start_cost: float) -> None:
             }
         ],
     )
-    p = best(case)["generator.p"][0]
+    p = case_optimum(case)["generator.p"][0]
     assert p[each - 1 :: each] == pytest.approx([3.0, 2.0, 1.0, 0.0], abs=1e-9)
 
 
 def test_a_start_may_reach_the_minimum_power_whatever_the_ramp() -> None:
     unit = {"p_min_mw": 2.0, "ramp_up_mw_per_h": 0.5}
-    p = best(hourly([2, 2, 4, 4], 60.0, unit))["generator.p"][0]
+    p = case_optimum(hourly([2, 2, 4, 4], 60.0, unit))["generator.p"][0]
     assert p[0] >= 2.0 - 1e-9
     assert np.diff(p).max() <= 0.5 + 1e-9
 
@@ -156,14 +156,14 @@ def test_commitment_is_the_best_of_all_sequences(seed: int) -> None:
         expected = enumerated(demand, before, hours, UNIT, price)
     except ValueError:  # no sequence at all: it must run on, but there is too little demand
         with pytest.raises(AssertionError, match="infeasible"):
-            best(case)
+            case_optimum(case)
         return
-    assert best(case).objective == pytest.approx(expected, abs=1e-6)
+    assert case_optimum(case).objective == pytest.approx(expected, abs=1e-6)
 
 
 def dead_island(outage: str, **unit: Any) -> Case:
     """Bus 2 has a load and a generator that cannot form a grid; bus 1 has the grid."""
-    return small(
+    return small_case(
         slots=4,
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
@@ -187,7 +187,7 @@ def dead_island(outage: str, **unit: Any) -> Case:
     ids=["plain", "committed", "ramped", "minimum up time"],
 )
 def test_a_dead_island_takes_every_generator_down_and_sheds_all(unit: dict[str, Any]) -> None:
-    found = best(dead_island("1-2@02:00-04:00", **unit))
+    found = case_optimum(dead_island("1-2@02:00-04:00", **unit))
     assert found["generator.p"][0] == pytest.approx([1.0, 1.0, 0.0, 0.0])
     assert found["load.shed"][0] == pytest.approx([0.0, 0.0, 1.0, 1.0])
 
@@ -203,5 +203,5 @@ def test_a_unit_that_a_dead_island_stopped_owes_no_more_up_time(min_down_h: floa
         "no_load_cost_per_h": 10.0,
         "min_down_h": min_down_h,
     }
-    found = best(dead_island("1-2@01:00-02:00", **unit))
+    found = case_optimum(dead_island("1-2@01:00-02:00", **unit))
     assert found["generator.on"][0].tolist() == [1.0, 0.0, 0.0, 0.0]

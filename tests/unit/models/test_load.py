@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from small import Best, best, small
+
+from resilience.testing import CaseOptimum, case_optimum, small_case
 
 
-def served(loads: list[dict[str, Any]], supply: float, **more: Any) -> Best:
+def served(loads: list[dict[str, Any]], supply: float, **more: Any) -> CaseOptimum:
     grid = [{"import_max_mw": supply, "import_cost_per_mwh": 0.0}]
-    return best(small(load=loads, grid=grid, **more))
+    return case_optimum(small_case(load=loads, grid=grid, **more))
 
 
 def test_the_cheapest_load_is_shed_first() -> None:
@@ -48,7 +49,7 @@ def test_a_load_that_is_no_block_fills_what_blocks_leave() -> None:
 def test_a_block_follows_its_profile() -> None:
     # The block is 1 MW, then 0.4 MW: too much for 0.5 MW at first, whole afterwards.
     block = {"p_max_mw": 1.0, "profile": "day", "shed_cost_per_mwh": 1.0, "block": True}
-    found = served([block], supply=0.5, columns={"day": [1.0, 0.4]})
+    found = served([block], supply=0.5, profiles={"day": [1.0, 0.4]})
     assert found["load.shed"][0] == pytest.approx([1.0, 0.0])
 
 
@@ -68,5 +69,5 @@ def test_a_dead_island_sheds_everything(block: bool) -> None:
 def test_a_block_may_ask_for_more_than_its_nominal_peak() -> None:
     # Profiles up to 2 are allowed: 1.5 MW then 0.5 MW, all of it served.
     block = {"p_max_mw": 1.0, "profile": "high", "shed_cost_per_mwh": 1.0, "block": True}
-    found = served([block], supply=2.0, columns={"high": [1.5, 0.5]})
+    found = served([block], supply=2.0, profiles={"high": [1.5, 0.5]})
     assert found["load.shed"][0] == pytest.approx([0.0, 0.0])

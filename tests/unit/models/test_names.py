@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
+from resilience.testing import small_case
 
 
 @pytest.fixture(scope="module")
 def day() -> CaseProgram:
     unit = {"p_max_mw": 1.0, "e_mwh": 2.0}
-    return horizon(small(slots=48, step_min=30.0, ess=[unit, unit], terminal=1.0), "copperplate")
+    return horizon(
+        small_case(slots=48, step_min=30.0, ess=[unit, unit], terminal_value_per_mwh=1.0),
+        "copperplate",
+    )
 
 
 def test_rows_and_columns_name_device_and_time(day: CaseProgram) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from small import small
 
 from resilience.case import Case
 from resilience.dispatch.registry import DISPATCHERS
@@ -13,17 +12,18 @@ from resilience.evaluation.comparison import Comparison
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.world import Trajectory, World, simulate
+from resilience.testing import small_case
 
 SLOTS = 24
 
 
 def chain(slots: int = SLOTS) -> Case:
     """Grid at bus 1, storage and PV at bus 2, a load at bus 3 that has no source of its own."""
-    return small(
+    return small_case(
         slots=slots,
         buses=3,
         lines=[(1, 2, 0.01, 0.01), (2, 3, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}, {"name": "2-3", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}, {"name": "2-3", "breakpoint": True}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
         ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 4.0}],
         pv=[{"bus": "2", "p_max_mw": 2.0}],
@@ -31,7 +31,7 @@ def chain(slots: int = SLOTS) -> Case:
             {"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 50.0},
             {"bus": "3", "p_max_mw": 0.5, "shed_cost_per_mwh": 50.0},
         ],
-        terminal=0.5,
+        terminal_value_per_mwh=0.5,
     )
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 from stormy import chain, compared, cut
 
 import resilience as rs
@@ -19,6 +18,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.plots.panels import GRID, band_colours
 from resilience.plots.storm_choice import storm
 from resilience.plots.storm_data import OTHERS, feeder, load_groups, zone_names
+from resilience.testing import small_case
 
 METHODS = ["idle", "rule", "rule-0.9"]
 
@@ -117,10 +117,10 @@ def test_loads_shed_are_grouped_where_they_are_many(ieee33: Comparison) -> None:
 
 def test_what_is_beyond_six_groups_is_one_more() -> None:
     lines = [(1, k, 0.01, 0.01) for k in range(2, 10)]
-    case = small(
+    case = small_case(
         buses=9,
         lines=lines,
-        about=[{"name": f"1-{k}", "breakpoint": True} for k in range(2, 10)],
+        line_tables=[{"name": f"1-{k}", "breakpoint": True} for k in range(2, 10)],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
         load=[{"bus": str(k), "p_max_mw": 1.0, "shed_cost_per_mwh": 5.0} for k in range(2, 10)],
     )
@@ -166,7 +166,7 @@ def test_a_storm_is_drawn(
 
 
 def test_a_case_without_storage_and_without_storms_is_drawn() -> None:
-    case = small(
+    case = small_case(
         slots=24,
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
@@ -14,6 +13,7 @@ from resilience.models.network.ac_check import connected, roots
 from resilience.planning.ac_check import ac_check_plan
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve
+from resilience.testing import small_case
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +58,11 @@ def test_losses_that_a_plan_neglects_are_unfunded(physics: str) -> None:
 def feeder(**more: float) -> Case:
     """1 MW at the end of two lines, from the grid; the first line out in the second slot."""
     unit = {"bus": "3", "p_max_mw": 0.8, "cost_per_mwh": 5.0}
-    return small(
+    return small_case(
         slots=2,
         buses=3,
         lines=[(1, 2, 0.05, 0.02), (2, 3, 0.05, 0.02)],
-        about=[{"name": "2-3", "rating_mva": 1.01}],
+        line_tables=[{"name": "2-3", "rating_mva": 1.01}],
         outages=["1-2@01:00-02:00"],
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0, "v_pu": 0.97}],
         generator=[unit | more],
@@ -115,7 +115,7 @@ def test_an_island_without_forming_unit_is_dead() -> None:
 def test_a_slot_without_solution_is_named_and_counts_in_nothing() -> None:
     case = feeder()
     lines = [(1, 2, 5.0, 2.0), (2, 3, 5.0, 2.0)]
-    thin = small(slots=2, buses=3, lines=lines, outages=["1-2@01:00-02:00"],
+    thin = small_case(slots=2, buses=3, lines=lines, outages=["1-2@01:00-02:00"],
                  **{k: [t.model_dump() for t in getattr(case, k)]
                     for k in ("grid", "generator", "load")})  # fmt: skip
     found = ac_check_plan(solve(thin, "lp", physics="copperplate"))

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 from oracle import oracle
-from small import small
 
 from resilience.case import Case, Network, load_case
 from resilience.errors import UsageError
 from resilience.models.network.powerflow import ALONE, Flow, flow
+from resilience.testing import small_case
 
 BREAKPOINTS = ("2-19", "3-23", "6-26")
 HEADS = ("19", "23", "26")
@@ -166,7 +166,7 @@ def test_nothing_alive_is_nothing_to_solve(network: Network) -> None:
 
 
 def test_one_bus_and_no_members_are_networks_too(network: Network) -> None:
-    alone = small(grid=[GRID]).network
+    alone = small_case(grid=[GRID]).network
     p = np.array([[0.3, -0.2]])
     found = flow(alone, p, p, np.zeros(0, bool), np.ones(1, bool), 1.01)
     assert found.v_pu[0] == pytest.approx([1.01, 1.01])
@@ -178,7 +178,7 @@ def test_one_bus_and_no_members_are_networks_too(network: Network) -> None:
 
 
 def two_levels() -> Case:
-    return small(buses=3, lines=[(1, 2, 0.02, 0.05), (2, 3, 0.0, 0.0)], grid=[GRID])
+    return small_case(buses=3, lines=[(1, 2, 0.02, 0.05), (2, 3, 0.0, 0.0)], grid=[GRID])
 
 
 def test_rated_voltages_do_not_matter_in_per_unit() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from oracle import oracle
-from small import small
 
 import resilience as rs
 from resilience.case.days import held_out
@@ -19,6 +18,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.ac_check import connected, roots
 from resilience.simulation.world import World, simulate
+from resilience.testing import small_case
 
 ONE = np.ones(1)
 
@@ -78,10 +78,10 @@ def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.Mo
 
 def line(r: float, **more: float) -> World:
     """1 MW behind a line of 10 kV; the line is out in slot 1 of the second scenario."""
-    case = small(
+    case = small_case(
         buses=2,
         lines=[(1, 2, r, 0.0)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0}],
         grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}],
         generator=[{"bus": "2", "p_max_mw": 1.0, "cost_per_mwh": 5.0}],

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.case import Case
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.testing import small_case
 
 LOAD = {"bus": "2", "p_max_mw": 1.5, "shed_cost_per_mwh": 5.0}
 ESS = {"bus": "2", "p_max_mw": 1.0, "e_mwh": 4.0}
@@ -22,7 +22,7 @@ GRID = {"import_max_mw": 5.0, "import_cost_per_mwh": 1.0}
 def two_buses(r: float = 0.1, rating: float | None = None, **devices: Any) -> Case:
     about = [] if rating is None else [{"name": "1-2", "rating_mva": rating}]
     devices = {"load": [LOAD], "ess": [ESS], "grid": [GRID], **devices}
-    return small(buses=2, lines=[(1, 2, r, 0.0)], about=about, **devices)
+    return small_case(buses=2, lines=[(1, 2, r, 0.0)], line_tables=about, **devices)
 
 
 def stepped(case: Case, physics: Physics, *action: float) -> dict[str, Any]:

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 
 from resilience.case import Case
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import Simulator, Step
+from resilience.testing import small_case
 
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}
 ESS = {"p_max_mw": 1.0, "e_mwh": 4.0}
@@ -33,10 +33,10 @@ def flow(found: tuple[Simulator, Step], name: str) -> Any:
 
 
 def test_an_island_with_no_source_sheds_and_moves_nothing() -> None:
-    case = small(
+    case = small_case(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[{**LOAD, "bus": "2"}],
         ess=[{**ESS, "bus": "2", "grid_forming": False}],
         grid=[GRID],
@@ -50,7 +50,7 @@ def test_an_island_with_no_source_sheds_and_moves_nothing() -> None:
 def test_islanded_charging_sheds_first_and_is_cut_back_beyond() -> None:
     """1 MW of charging against 0.6 of sun and 0.4 of load: all is shed, 0.6 goes into storage."""
     pv = {"p_max_mw": 0.6, "curtailable": False}
-    case = small(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], pv=[pv])
+    case = small_case(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], pv=[pv])
     found = stepped(case, [[2.0, 0.3]])
     assert found[1].charge[0] == pytest.approx([0.6, 0.3])
     assert flow(found, "load.shed[load1]") == pytest.approx([0.4, 0.1])
@@ -58,7 +58,7 @@ def test_islanded_charging_sheds_first_and_is_cut_back_beyond() -> None:
 
 
 def test_islanded_charging_without_any_surplus_stops() -> None:
-    found = stepped(small(load=[LOAD], ess=[ESS]), [[1.0]])
+    found = stepped(small_case(load=[LOAD], ess=[ESS]), [[1.0]])
     assert found[1].charge[0] == pytest.approx([0.0])
     assert flow(found, "load.shed[load1]") == pytest.approx([1.0])
     assert found[1].energy[0] == pytest.approx([2.0])
@@ -67,7 +67,7 @@ def test_islanded_charging_without_any_surplus_stops() -> None:
 def test_more_discharge_than_load_is_cut_back_pro_rata() -> None:
     """2 and 1 MW offered to 1.5 MW of load: each gives half of its offer."""
     ess = [{**ESS, "p_max_mw": 2.0}, ESS]
-    found = stepped(small(load=[{**LOAD, "p_max_mw": 1.5}], ess=ess), [[-2.0], [-1.0]])
+    found = stepped(small_case(load=[{**LOAD, "p_max_mw": 1.5}], ess=ess), [[-2.0], [-1.0]])
     assert found[1].discharge[:, 0] == pytest.approx([1.0, 0.5])
     assert found[1].energy[:, 0] == pytest.approx([1.0, 1.5])
     assert found[1].cost == pytest.approx([0.0])
@@ -75,7 +75,7 @@ def test_more_discharge_than_load_is_cut_back_pro_rata() -> None:
 
 def test_a_surplus_curtails_then_exports_then_cuts_discharging_back() -> None:
     """Exports cost 0.2: sun of 2 MW is curtailed first, 1 MW is exported, then storage gives in."""
-    case = small(
+    case = small_case(
         load=[{**LOAD, "p_max_mw": 0.5}],
         pv=[{"p_max_mw": 2.0}],
         ess=[{**ESS, "p_max_mw": 2.0}],
@@ -89,7 +89,7 @@ def test_a_surplus_curtails_then_exports_then_cuts_discharging_back() -> None:
 
 
 def test_an_export_that_pays_takes_the_surplus_of_the_sun() -> None:
-    case = small(
+    case = small_case(
         load=[{**LOAD, "p_max_mw": 0.5}],
         pv=[{"p_max_mw": 2.0}],
         grid=[{**GRID, "export_max_mw": 1.0, "export_cost_per_mwh": -0.2}],
@@ -102,7 +102,7 @@ def test_an_export_that_pays_takes_the_surplus_of_the_sun() -> None:
 def test_power_that_must_be_taken_is_spilled_when_nobody_can() -> None:
     """0.6 MW of sun on 0.4 of load: discharging stops and 0.2 MW are spilled."""
     pv = {"p_max_mw": 0.6, "curtailable": False}
-    case = small(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], pv=[pv])
+    case = small_case(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], pv=[pv])
     _, step = stepped(case, [[-1.0, 0.2, 0.5]])
     assert step.discharge[0] == pytest.approx([0.0, 0.0, 0.0])
     assert step.spill[0] == pytest.approx([0.2, 0.0, 0.0])
@@ -112,22 +112,22 @@ def test_power_that_must_be_taken_is_spilled_when_nobody_can() -> None:
 
 def test_a_case_without_loads_without_storage_or_without_anything_else() -> None:
     nothing = np.empty((0, 2))
-    _, step = stepped(small(grid=[GRID]), nothing)
+    _, step = stepped(small_case(grid=[GRID]), nothing)
     assert step.cost == pytest.approx([0.0, 0.0])
-    _, step = stepped(small(load=[LOAD], grid=[GRID]), nothing)
+    _, step = stepped(small_case(load=[LOAD], grid=[GRID]), nothing)
     assert step.cost == pytest.approx([1.0, 1.0])
     assert step.energy.shape == (0, 2)
-    found = stepped(small(ess=[ESS], grid=[GRID]), [[0.5, -0.5]])
+    found = stepped(small_case(ess=[ESS], grid=[GRID]), [[0.5, -0.5]])
     assert found[1].cost == pytest.approx([0.5, 0.0])
     assert found[1].energy[0] == pytest.approx([2.5, 2.0])  # nobody takes what it would give
 
 
 def test_islands_of_a_mesh_share_while_one_path_is_left() -> None:
     """A triangle: one line down changes nothing, two cut bus 3 off with its load."""
-    case = small(
+    case = small_case(
         buses=3,
         lines=[(1, 2, 0.01, 0.01), (2, 3, 0.01, 0.01), (1, 3, 0.01, 0.01)],
-        about=[{"name": f"{i}-{j}", "breakpoint": True} for i, j in ((1, 2), (2, 3), (1, 3))],
+        line_tables=[{"name": f"{i}-{j}", "breakpoint": True} for i, j in ((1, 2), (2, 3), (1, 3))],
         load=[{**LOAD, "bus": "3"}],
         ess=[{**ESS, "bus": "2"}],
         grid=[GRID],

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import best, small
 from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.case import Case
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import RecourseRule, Simulator, Step
+from resilience.testing import case_optimum, small_case
 
 
 def one(case: Case, recourse: RecourseRule, *action: float, up: bool = True) -> dict[str, Any]:
@@ -32,10 +32,10 @@ def one(case: Case, recourse: RecourseRule, *action: float, up: bool = True) -> 
 
 def islanded(load: float, sun: float = 0.0, **more: Any) -> Case:
     """Two loads (3 to 1), generators of 2 and 1 MW, PV and storage behind a breakpoint."""
-    return small(
+    return small_case(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", "breakpoint": True}],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[
             {"bus": "2", "p_max_mw": 0.75 * load, "shed_cost_per_mwh": 2.0},
             {"bus": "2", "p_max_mw": 0.25 * load, "shed_cost_per_mwh": 2.0, "priority": 10.0},
@@ -100,7 +100,7 @@ def test_the_paper_clips_its_share_and_cuts_storage_back() -> None:
     assert one(islanded(2.4), "paper", -0.5, up=False)["ess1"] == pytest.approx(0.0)
     sunny = one(islanded(2.4, 0.3, curtailable=False), "paper", -0.5, up=False)
     assert sunny["spill"] == pytest.approx(0.3)
-    case = small(
+    case = small_case(
         load=[{"p_max_mw": 0.4, "shed_cost_per_mwh": 2.0}],
         pv=[{"p_max_mw": 0.1}],
         ess=[{"p_max_mw": 1.0, "e_mwh": 10.0}],
@@ -124,7 +124,7 @@ def test_the_paper_leaves_everything_to_the_grid_where_there_is_one() -> None:
 
 def test_the_paper_does_not_know_blocks() -> None:
     load = {"p_max_mw": 1.0, "shed_cost_per_mwh": 2.0, "block": True}
-    case = small(load=[load], generator=[{"p_max_mw": 1.0}])
+    case = small_case(load=[load], generator=[{"p_max_mw": 1.0}])
     with pytest.raises(rs.UsageError, match="load1 can only be shed whole"):
         Simulator(Microgrid.of(case, "copperplate"), 1.0, "paper")
 
@@ -134,7 +134,7 @@ def blocks(generator: float, *sizes: tuple[float, float], loose: float = 0.0) ->
     load = [{"p_max_mw": mw, "shed_cost_per_mwh": price, "block": True} for mw, price in sizes] + [
         {"p_max_mw": loose, "shed_cost_per_mwh": 3.0}
     ]
-    return small(
+    return small_case(
         slots=1,
         load=load,
         generator=[{"p_max_mw": generator, "cost_per_mwh": 1.0}],
@@ -191,7 +191,7 @@ def test_blocks_keep_the_balance_and_are_never_better_than_the_optimum() -> None
         shed = step.flows[[simulator.columns.index(name) for name in simulator.heuristic], 0]
         demand = np.array([mw for mw, _ in sizes])
         assert np.minimum(shed, demand - shed).max() < 1e-12
-        optimum = best(case).objective
+        optimum = case_optimum(case).objective
         assert step.cost[0] >= optimum - 1e-7
         dearer += step.cost[0] > optimum + 1e-7
     assert 0 < dearer < 20  # greedy is often right, and not always

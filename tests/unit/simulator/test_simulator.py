@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small import small
 from stepping import assert_sound, scene
 
 import resilience as rs
@@ -18,6 +17,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.testing import small_case
 
 
 @pytest.fixture(scope="module")
@@ -200,10 +200,10 @@ def test_what_a_step_cannot_hold_is_refused_all_at_once() -> None:
 def test_each_thing_that_a_step_cannot_hold(
     about: dict[str, Any], generator: dict[str, Any], named: str
 ) -> None:
-    case = small(
+    case = small_case(
         buses=2,
         lines=[(1, 2, 0.01, 0.01)],
-        about=[{"name": "1-2", **about}],
+        line_tables=[{"name": "1-2", **about}],
         generator=[{"p_max_mw": 1.0, **generator}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
     )
