@@ -8,9 +8,9 @@ from html import escape
 from pathlib import Path
 
 import pytest
-from pages import ROOT, Step, blocks, run, shortened
 
 from resilience.case.schema import case_schema
+from tests.docs.pages import ROOT, Step, blocks, run, shortened
 
 DOCS = ROOT / "docs"
 WRITTEN = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]

@@ -7,7 +7,8 @@ from importlib import import_module
 from operator import attrgetter
 
 import pytest
-from pages import ROOT
+
+from tests.docs.pages import ROOT
 
 ROW = re.compile(r"^\| ([^|]+) \| [^|]+ \| (`[^|]+`) \|$", re.MULTILINE)
 TEXT = (ROOT / "docs" / "reference" / "glossary.md").read_text(encoding="utf-8")

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solving import Solved, power, solved
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.methods.answer import widest
 from resilience.testing import small_case
+from tests.known.solving import Solved, power, solved
 
 
 def power_flow(found: Solved, t: int) -> tuple[Floats, Floats]:

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from solving import Solved, solved
 
 from resilience.case import case_names, load_case
+from tests.known.solving import Solved, solved
 
 OPTIMA = {
     "discharge-island": 0.2 * 2.4 / 1.001 + 1.5 * (4 - 2.4 / 1.001),

@@ -5,7 +5,8 @@ Published: 202.68 kW and 0.9131 pu with the ties open; 139.55 kW with lines 7, 9
 
 import numpy as np
 import pytest
-from feeder33 import (
+
+from tests.known.feeder33 import (
     BASE_OPEN,
     BEST_OPEN,
     LOAD_MW,
@@ -17,7 +18,7 @@ from feeder33 import (
     losses_kw,
     net,
 )
-from solving import Solved, solved
+from tests.known.solving import Solved, solved
 
 OPTIMUM_KW = 139.55135
 

@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from solving import solved
 
 from resilience.case import Case, load_case
 from resilience.models.case_program import horizon
 from resilience.models.methods.conic import completed, relaxation
 from resilience.testing import small_case
+from tests.known.solving import solved
 
 CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 

@@ -4,12 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from solving import solved
 
 from resilience.case import Case, load_case
 from resilience.models.microgrid import MARGIN
 from resilience.models.network.graph import exchange
 from resilience.testing import small_case
+from tests.known.solving import solved
 
 
 def random_case(rng: np.random.Generator, ring: bool) -> Case:

@@ -3,13 +3,13 @@
 from datetime import datetime
 
 import pytest
-from solving import solved
 
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.case_program import horizon
 from resilience.testing import small_case
+from tests.known.solving import solved
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 1.0}
 

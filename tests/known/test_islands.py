@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solving import Solved, power, solved
 
 from resilience.case import Case, load_case
 from resilience.models.case_program import CaseProgram, status, terminal_cuts
@@ -13,6 +12,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.network.graph import closable
 from resilience.models.program.unroll import unroll
 from resilience.testing import small_case
+from tests.known.solving import Solved, power, solved
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from markov_tree import Written, microgrid, multistage, policy_cost
-from test_farmer import PUBLISHED, WEATHER, autumn, spring
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
 from resilience.dispatch.sddp.training import Begin, Engine, Settings, Trained, simulated, train
+from tests.known.markov_tree import Written, microgrid, multistage, policy_cost
+from tests.known.test_farmer import PUBLISHED, WEATHER, autumn, spring
 
 LOW, HIGH = np.array([0.2, 0.0]), np.array([2.0, 1.0])
 STARTS = [(LOW + k * (HIGH - LOW), np.array([sun])) for k in (0.23, 0.81) for sun in (0.1, 1.0)]

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from shared import shared
 
 from resilience.fragility.tracks import Track, interpolated, read_track, track_of
 from resilience.fragility.wind import wind
+from tests.shared import shared
 
 MODELS = {
     "H1980": "holland1980",

@@ -7,11 +7,11 @@ only there, `lp` adds binaries.
 
 import numpy as np
 import pytest
-from solving import Solved, solved
 
 from resilience.case import Case, load_case
 from resilience.errors import InfeasibleError
 from resilience.testing import small_case
+from tests.known.solving import Solved, solved
 
 LOSSY = {"efficiency_charge": 0.95, "efficiency_discharge": 0.95}
 PAPER = {"efficiency_charge": 0.999, "efficiency_discharge": 1 / 1.001}

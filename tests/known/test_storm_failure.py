@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import lognorm
-from zhanjiang import rammasun
 
 from resilience.fragility.lines.curves import Curve
 from resilience.fragility.lines.damage import Timing, failed_by, hazard
 from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
+from tests.known.zhanjiang import rammasun
 
 CURVE = Curve(
     "pole", "lognormal", {"median_mps": 45.0, "beta": 0.20}, 60.0, 10.0, "water", "example"

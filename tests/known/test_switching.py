@@ -5,13 +5,13 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from feeder33 import LOAD_MW, case33
-from solving import Solved, solved
 
 from resilience.case import Case
 from resilience.models.case_program import horizon
 from resilience.models.methods.start import mended
 from resilience.testing import small_case
+from tests.known.feeder33 import LOAD_MW, case33
+from tests.known.solving import Solved, solved
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from solving import solved
 
 from resilience.case import Case
 from resilience.testing import small_case
+from tests.known.solving import solved
 
 R, X = 0.02, 0.04
 GRID = {"import_max_mw": 10.0, "export_max_mw": 10.0, "import_cost_per_mwh": 1.0}

@@ -6,7 +6,8 @@ import csv
 
 import numpy as np
 from numpy.typing import NDArray
-from shared import shared
+
+from tests.shared import shared
 
 LAT, LON = 21.27, 110.36
 STEP_S = 900.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_cases import quick
 
 from resilience.arrays import Floats
 from resilience.models.algebra import Affine, scatter, stack
+from tests.property.random_cases import quick
 
 WIDTH = 4  # variables, and as many data
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_cases import quick
 
 from resilience.models.backends.base import Solution
 from resilience.models.backends.cvxpy import Conic
@@ -22,6 +21,7 @@ from resilience.models.microgrid import Physics
 from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.unroll import unroll
 from resilience.testing import small_case
+from tests.property.random_cases import quick
 
 
 @cache

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hypothesis import assume, given, note
-from random_cases import dearer, documents, number, quick
 
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
@@ -19,6 +18,7 @@ from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
 from resilience.testing import case_optimum, small_case
+from tests.property.random_cases import dearer, documents, number, quick
 
 TOLERANCE = 1e-5
 FLAT: tuple[Physics, ...] = ("copperplate", "lindistflow")

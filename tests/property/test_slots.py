@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_cases import number, quick
-from stepping import Scene, assert_sound, scene
 
 from resilience.arrays import Floats
 from resilience.case import Case
@@ -21,6 +19,8 @@ from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator, Step
 from resilience.testing import small_case
+from tests.property.random_cases import number, quick
+from tests.stepping import Scene, assert_sound, scene
 
 MEMBERS = 6
 LOADS = {"p_max_mw": number(0.1, 1.5), "shed_cost_per_mwh": number(2, 9)}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_cases import quick
 
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
+from tests.property.random_cases import quick
 
 STATES, OTHERS, ROWS = 2, 3, 4
 

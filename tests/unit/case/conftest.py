@@ -2,7 +2,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from valid import VALID
+
+from tests.unit.case.valid import VALID
 
 CaseFile = Callable[..., Path]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from valid import VALID
 
 import resilience as rs
 from resilience.case import case_text, load_case
@@ -13,6 +12,7 @@ from resilience.case.checks.geography import findings
 from resilience.case.schema import CurveTable, GeographyTable, LineTable, StormTable
 from resilience.errors import CaseError, Mistake
 from resilience.fragility.chain import case_track, storm
+from tests.unit.case.valid import VALID
 
 PLACES = {"1": (22.00, 120.70), "2": (22.01, 120.71), "3": (22.02, 120.72), "4": (22.03, 120.73)}
 STORM = """

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import norm
-from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
 from resilience.fragility.lines.damage import Timing, failed_by, first_failure, hazard
 from resilience.fragility.lines.spans import failure_probability
+from tests.unit.fragility.spans import WEAK, gusts, passing, poles
 
 RATE = Timing("rate", 0.25)
 

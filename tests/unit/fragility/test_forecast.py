@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from storms import feeder
 
 import resilience as rs
 from resilience.errors import UsageError
 from resilience.simulation.forecast import ForecastError, Outlook, sample_outlook, sample_profiles
+from tests.unit.fragility.storms import feeder
 
 SIGMA = 0.1
 N = 4000

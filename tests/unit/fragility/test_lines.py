@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import multivariate_normal, norm
-from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
 from resilience.fragility.lines.curves import CURVES, Curve, hardened
@@ -20,6 +19,7 @@ from resilience.fragility.lines.spans import (
     joint_probability,
     poles_in_series,
 )
+from tests.unit.fragility.spans import WEAK, gusts, passing, poles
 
 P = 0.05
 AT_P = float(WEAK.speed(P))

@@ -8,7 +8,6 @@ from datetime import datetime
 import numpy as np
 import pytest
 from scipy.stats import binom
-from storms import LINES, feeder
 
 from resilience.case import Case, Outage
 from resilience.errors import UsageError
@@ -24,6 +23,7 @@ from resilience.fragility import (
 )
 from resilience.fragility.draw import shifts
 from resilience.testing import small_case
+from tests.unit.fragility.storms import LINES, feeder
 
 NOON = Bell(centres=(48,))
 CASE = feeder()

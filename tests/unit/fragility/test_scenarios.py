@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from storms import LINES, feeder
 
 from resilience.errors import CaseError, UsageError
 from resilience.fragility import Bell, Scenarios, load_scenarios, sample_bell
+from tests.unit.fragility.storms import LINES, feeder
 
 CASE = feeder()
 DRAWN = sample_bell(CASE, Bell(probability=0.4), 40, 1)

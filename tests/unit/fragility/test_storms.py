@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.stats import norm
-from spans import WEAK, gusts, passing, poles
 
 from resilience.errors import UsageError
 from resilience.fragility.lines.curves import Curve
@@ -24,6 +23,7 @@ from resilience.fragility.outages.failure_clock import FailureClock
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
+from tests.unit.fragility.spans import WEAK, gusts, passing, poles
 
 COUNTS = (20, 40, 5)
 N = 20_000

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stormy import by_hand, chain, compared, cut
 
 import resilience as rs
 from resilience.evaluation.comparison import Comparison
 from resilience.evaluation.verdict import verdict
 from resilience.plots.report_data import daily_cost, records
 from resilience.plots.style import COLOURS
+from tests.unit.plots.stormy import by_hand, chain, compared, cut
 
 # Machado, Oliveira, Fernandes (2009), severity 1, on linear RGB.
 BLIND = {

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stormy import chain, cut
 
 import resilience as rs
 from resilience.plots.saved import draw_run
 from resilience.plots.storm_choice import storm
 from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
+from tests.unit.plots.stormy import chain, cut
 
 
 @pytest.fixture(scope="module")

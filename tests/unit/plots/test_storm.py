@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stormy import chain, compared, cut
 
 import resilience as rs
 from resilience.case.days import held_out
@@ -19,6 +18,7 @@ from resilience.plots.panels import GRID, band_colours
 from resilience.plots.storm_choice import storm
 from resilience.plots.storm_data import OTHERS, feeder, load_groups, zone_names
 from resilience.testing import small_case
+from tests.unit.plots.stormy import chain, compared, cut
 
 METHODS = ["idle", "rule", "rule-0.9"]
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oracle import oracle
 
 from resilience.case import Case, Network, load_case
 from resilience.errors import UsageError
 from resilience.models.network.powerflow import ALONE, Flow, flow
 from resilience.testing import small_case
+from tests.unit.powerflow.oracle import oracle
 
 BREAKPOINTS = ("2-19", "3-23", "6-26")
 HEADS = ("19", "23", "26")

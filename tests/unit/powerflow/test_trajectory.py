@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracle import oracle
 
 import resilience as rs
 from resilience.case.days import held_out
@@ -19,6 +18,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.network.ac_check import connected, roots
 from resilience.simulation.world import World, simulate
 from resilience.testing import small_case
+from tests.unit.powerflow.oracle import oracle
 
 ONE = np.ones(1)
 

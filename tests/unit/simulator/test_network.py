@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.case import Case
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.testing import small_case
+from tests.stepping import assert_sound, scene
 
 LOAD = {"bus": "2", "p_max_mw": 1.5, "shed_cost_per_mwh": 5.0}
 ESS = {"bus": "2", "p_max_mw": 1.0, "e_mwh": 4.0}

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.case import Case
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import RecourseRule, Simulator, Step
 from resilience.testing import case_optimum, small_case
+from tests.stepping import assert_sound, scene
 
 
 def one(case: Case, recourse: RecourseRule, *action: float, up: bool = True) -> dict[str, Any]:

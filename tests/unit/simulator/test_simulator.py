@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stepping import assert_sound, scene
 
 import resilience as rs
 from resilience.models.backends.highs import Highs
@@ -18,6 +17,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.testing import small_case
+from tests.stepping import assert_sound, scene
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cyclones import SPHERE, cyclone
 
 from resilience.errors import UsageError
 from resilience.fragility.tracks import ensemble
 from resilience.fragility.wind import wind
+from tests.cyclones import SPHERE, cyclone
 
 TRACK = cyclone(n=13, at=(20.0, 125.0), move=(0.0, -0.2), averaging_s=120.0)
 ISSUED = TRACK.time[4]  # 24 h after the start; lead times up to 48 h

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cyclones import cyclone
 
 from resilience.earth.averaging import from_one_minute, to_one_minute
 from resilience.fragility.tracks import AGENCIES, RADII, one_minute
 from resilience.fragility.wind import MODELS, wind
+from tests.cyclones import cyclone
 
 KNOT = 0.514444
 

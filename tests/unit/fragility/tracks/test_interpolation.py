@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cyclones import cyclone
 
 from resilience.errors import UsageError
 from resilience.fragility.tracks import interpolated, track_of
 from resilience.fragility.wind import MODELS, wind
+from tests.cyclones import cyclone
 
 
 def test_a_cubic_path_is_reproduced_and_intensity_is_linear() -> None:

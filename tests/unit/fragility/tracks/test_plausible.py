@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared import shared
 
 from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAMELESS, to_one_minute
 from resilience.earth.plausible import leaps, too_strong, usual_wind_kt
 from resilience.errors import CaseError
 from resilience.fragility.tracks import read_track, track_of
+from tests.shared import shared
 
 REAL = [
     ("rammasun_2014_cma.csv", "cma"),

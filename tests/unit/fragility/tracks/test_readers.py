@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared import shared
 
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.tracks import read_track
+from tests.shared import shared
 
 HURDAT2 = """\
 AL092017,             HARVEY,      3,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cyclones import around, cyclone
 
 from resilience.fragility.tracks import Track
 from resilience.fragility.wind import MODELS, wind
+from tests.cyclones import around, cyclone
 
 R = 40_000.0
 EQUATOR = (0.0, 115.0)

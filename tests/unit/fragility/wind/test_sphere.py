@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from cyclones import SPHERE
 from pyproj import Geod
 
 from resilience.earth.sphere import legs, moved, seen_from
+from tests.cyclones import SPHERE
 
 RNG = np.random.default_rng(7)
 LAT, LON = np.degrees(np.arcsin(RNG.uniform(-1, 1, 300))), RNG.uniform(-180, 180, 300)

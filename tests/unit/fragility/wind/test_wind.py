@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cyclones import around, cyclone
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resilience.errors import UsageError
 from resilience.fragility.tracks import Track
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, wind
+from tests.cyclones import around, cyclone
 
 R = 40_000.0
 MOVING = {"at": (15.0, 120.0), "move": (0.08, -0.12)}
