@@ -28,6 +28,7 @@ PAGES = (
     "concepts/stochastic",
     "concepts/sddp",
     "concepts/evaluation",
+    "reference/api/testing",
 )
 COMPONENTS = (ROOT / "resilience" / "models" / "components").glob("*.py")
 GENERATED = {
