@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,52 @@ from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
 
-OWN = {"cma": ("cma", "WP"), "hurdat2": ("usa", "")}
-"""Agency and basin of a format that is an agency's own."""
-PARSERS = {"cma": cma.parse, "hurdat2": hurdat2.parse, "csv": plain.parse}
-FORMATS = ("ibtracs", "hurdat2", "cma", "csv")
+Parser = Callable[[str, About, str | None, str | None], Track]
+
+
+@dataclass(frozen=True)
+class TrackFormat:
+    """A format of track files.
+
+    Attributes:
+        matches: whether a file's first line, comments left out, begins a file of this format.
+        parse: the track from a file's text, what is known of the file, the storm, the agency.
+        agency: whose best tracks they are; "" where files say, or the caller.
+        basin: of the agency's storms; "" where files say.
+    """
+
+    matches: Callable[[str], bool]
+    parse: Parser
+    agency: str = ""
+    basin: str = ""
+
+
+def _of_one_agency(parse: Callable[[str, About, str | None], Track]) -> Parser:
+    """The parser of a format in which there is no agency to choose."""
+    return lambda text, about, storm, _: parse(text, about, storm)
+
+
+def _has_headings(line: str, *headings: str) -> bool:
+    return set(headings) <= {part.strip().upper() for part in line.split(",")}
+
+
+FORMATS: dict[str, TrackFormat] = {
+    "ibtracs": TrackFormat(lambda line: _has_headings(line, "SID", "ISO_TIME"), ibtracs.parse),
+    "hurdat2": TrackFormat(
+        lambda line: re.match(r"\s*[A-Z]{2}\d{6}\s*,", line) is not None,
+        _of_one_agency(hurdat2.parse),
+        agency="usa",
+    ),
+    "cma": TrackFormat(
+        lambda line: re.match(r"66666\s", line) is not None,
+        _of_one_agency(cma.parse),
+        agency="cma",
+        basin="WP",
+    ),
+    "csv": TrackFormat(lambda line: False, _of_one_agency(plain.parse)),
+}
+"""Every format; a file that matches none is a CSV file."""
+
 OPTIONS = ("agency", "penv_hpa", "rmw", "basin")
 
 
@@ -51,15 +95,16 @@ def read_track(
     text = _text(path)
     looks = _look(text)
     kind = looks if format is None else format
-    if kind != looks and not (looks == "csv" and kind in OWN):
+    stated = FORMATS[kind]
+    if kind != looks and not (looks == "csv" and stated.agency):
         raise UsageError(
             f"{path.name} looks like {looks}, not {kind}; allowed: its own format",
             hint="leave out the format",
         )
     agency = options.get("agency")
     about = About(file=path.name, averaging_s=averaging_s)
-    about.agency, about.basin = OWN.get(kind, ((agency or "").lower(), ""))
-    if kind in OWN and agency not in (None, about.agency):
+    about.agency, about.basin = stated.agency or (agency or "").lower(), stated.basin
+    if stated.agency and agency not in (None, stated.agency):
         raise UsageError(
             f"agency {agency!r} of a file in format {kind}; allowed: {about.agency}",
             hint="leave out the agency",
@@ -68,9 +113,7 @@ def read_track(
         if options.get(key) is not None:
             setattr(about, key, options[key])
     try:
-        if looks == "ibtracs":
-            return ibtracs.parse(text, about, storm, agency)
-        return PARSERS[looks](text, about, storm)
+        return FORMATS[looks].parse(text, about, storm, agency)
     except csv.Error as error:
         raise UsageError(
             f"{path.name} cannot be read as CSV: {error}; allowed: rows of text, commas between",
@@ -125,12 +168,7 @@ def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
 def _look(text: str) -> str:
     """The format of a file, from its first line."""
     first = _first(text)
-    if re.match(r"\s*[A-Z]{2}\d{6}\s*,", first):
-        return "hurdat2"
-    if re.match(r"66666\s", first):
-        return "cma"
-    headings = {part.strip().upper() for part in first.split(",")}
-    return "ibtracs" if {"SID", "ISO_TIME"} <= headings else "csv"
+    return next((name for name, kind in FORMATS.items() if kind.matches(first)), "csv")
 
 
 def _first(text: str) -> str:
