@@ -89,8 +89,10 @@ def fill(nav: list[Any], docs: Path) -> None:
                 titles = {name: text.partition("\n")[0][2:] for name, text in components().items()}
                 entry[title] = [{t: f"{target}{name}.md"} for name, t in titles.items()]
             elif target.endswith("/"):
-                found = sorted((docs / target).glob("*.md"))
-                entry[title] = [f"{target}{path.name}" for path in found]
+                pages = sorted(
+                    (docs / target).glob("*.md"), key=lambda page: (page.stem != "index", page.name)
+                )
+                entry[title] = [f"{target}{page.name}" for page in pages]
 
 
 def components() -> dict[str, str]:
