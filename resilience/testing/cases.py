@@ -15,10 +15,10 @@ from resilience.models.backends.highs import Highs
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 BASE_OHM = 100.0  # 1 pu: 10 kV on a base of 1 MVA
 MIDNIGHT = datetime(2016, 7, 12)
-AUDIT_TOLERANCE = 1e-6
 DeviceKeys = Mapping[str, Any]
 
 
@@ -115,5 +115,5 @@ def case_optimum(case: Case, physics: Physics = "copperplate") -> CaseOptimum:
     assert solution.status == "optimal", solution.status
     z = settle(program.standard, solution.point, program.vectors)
     worst = audit(program.standard, z, program.vectors).maximum
-    assert worst < AUDIT_TOLERANCE, f"a row is violated by {worst:g}"
+    assert worst < RELAXATION_TOLERANCE, f"a row is violated by {worst:g}"
     return CaseOptimum(program, solution.objective, z)

@@ -13,7 +13,7 @@ from resilience.case.schema import case_schema
 from tests.docs.pages import ROOT, Step, blocks, run, shortened
 
 DOCS = ROOT / "docs"
-WRITTEN = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+WRITTEN = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.rglob("*.md"))]
 PAGES = (
     "guide/first-feeder",
     "guide/storm-tomorrow",
