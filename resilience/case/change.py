@@ -24,10 +24,20 @@ _HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh
 
 
 def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document], Case]) -> Case:
-    """Return a changed copy of a case; see `Case.replace`. `build` reads and checks a document."""
-    known = {*_HORIZON, *_HEAD, *_LISTS, *_TABLES, "profiles", "outages"}
-    for key in changes.keys() - known:
-        hint = "it can replace " + ", ".join(sorted(known))
+    """A changed copy of a case; see `Case.replace`.
+
+    Args:
+        case: the case.
+        changes: new values by key of the case.
+        build: reads and checks a document.
+
+    Raises:
+        CaseError: the result is no valid case.
+        UsageError: a key that cannot be replaced, or outages that do not fit.
+    """
+    replaceable = {*_HORIZON, *_HEAD, *_LISTS, *_TABLES, "profiles", "outages"}
+    for key in changes.keys() - replaceable:
+        hint = "it can replace " + ", ".join(sorted(replaceable))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
     data = copy.deepcopy(case.source)
     data.pop("outages", None)
@@ -50,7 +60,7 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
 
 
 def plain(table: Table) -> dict[str, Any]:
-    """Return a table as plain data with every value spelled out, except those that are absent.
+    """A table as plain data with every value spelled out, except those that are absent.
 
     A profile that the storm's cloud reduces is written as it is in a clear sky: the cloud follows.
     """
@@ -60,7 +70,7 @@ def plain(table: Table) -> dict[str, Any]:
 
 
 def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) -> None:
-    """Let inline profiles, which start with the horizon, start with the new one."""
+    """Cuts inline profiles, which start with the horizon, to start with the new one."""
     columns = data.get("profiles", {}).get("columns", {})
     if not columns:
         return
@@ -76,17 +86,19 @@ def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) ->
     data["profiles"]["columns"] = {k: list(v)[int(offset) :] for k, v in columns.items()}
 
 
-def _outages(old: Case, new: Case, given: Any) -> tuple[Outage, ...]:
-    if given is None:
+def _outages(
+    old: Case, new: Case, replacement: str | Path | Iterable[Outage] | None
+) -> tuple[Outage, ...]:
+    if replacement is None:
         return _moved(old.outages, old.window, new.window)
-    if isinstance(given, str | Path):
-        return parse_outages(given, new)
-    outages = tuple(given)
+    if isinstance(replacement, str | Path):
+        return parse_outages(replacement, new)
+    outages = tuple(replacement)
     for outage in outages:
         new.network.line(outage.line)
         if not 0 <= outage.first < outage.stop <= new.slots:
-            found = f"outage of {outage.line} in slots {outage.first} to {outage.stop}"
-            raise UsageError(found, f"0 <= first < stop <= {new.slots}")
+            span = f"outage of {outage.line} in slots {outage.first} to {outage.stop}"
+            raise UsageError(span, f"0 <= first < stop <= {new.slots}")
     return outages
 
 

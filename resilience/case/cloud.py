@@ -19,8 +19,8 @@ from resilience.arrays import Floats
 from resilience.case.checks.parts import Parts
 from resilience.case.schema import PVTable, StormTable
 from resilience.case.window import Window
+from resilience.earth.sphere import RADIUS_M
 
-EARTH_KM = 6371.0
 _SUFFIX = " under the storm's cloud"
 _CONSTANT = "peak"  # what a plant without a profile follows
 
@@ -28,27 +28,27 @@ _CONSTANT = "peak"  # what a plant without a profile follows
 def under_cloud(
     plants: Iterable[PVTable], profiles: Mapping[str, Floats], parts: Parts
 ) -> tuple[tuple[PVTable, ...], dict[str, Floats]]:
-    """Return plants that follow reduced profiles, and these; plants as they are without a cloud."""
+    """Plants that follow reduced profiles, and these; plants as they are without a cloud."""
     plants, storm, window = tuple(plants), parts.storm, parts.window
     if storm is None or storm.cloud is None or not storm.points or window is None:
         return plants, {}
-    left = cloud_factor(storm, window, *_middle(parts))
-    found, made = [], {}
+    factor = cloud_factor(storm, window, *_middle(parts))
+    shaded, reduced = [], {}
     for plant in plants:
         name = (plant.profile or _CONSTANT) + _SUFFIX
-        made[name] = left if plant.profile is None else profiles[plant.profile] * left
-        made[name].setflags(write=False)
-        found.append(plant.model_copy(update={"profile": name}))
-    return tuple(found), made
+        reduced[name] = factor if plant.profile is None else profiles[plant.profile] * factor
+        reduced[name].setflags(write=False)
+        shaded.append(plant.model_copy(update={"profile": name}))
+    return tuple(shaded), reduced
 
 
 def is_reduced(profile: str | None) -> bool:
-    """Say whether a profile is one that `under_cloud` made."""
+    """Whether a profile is one that `under_cloud` made."""
     return profile is not None and profile.endswith(_SUFFIX)
 
 
 def bare_profile(profile: str | None) -> str | None:
-    """Return the profile that a plant follows in a clear sky."""
+    """The profile that a plant follows in a clear sky."""
     if profile is None or not is_reduced(profile):
         return profile
     name = profile.removesuffix(_SUFFIX)
@@ -56,21 +56,21 @@ def bare_profile(profile: str | None) -> str | None:
 
 
 def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: float) -> Floats:
-    """Return the share of PV output that is left in every slot, (slots,), at a place."""
+    """Share of PV output that a storm leaves in every slot, (slots,), at a place."""
     assert storm.cloud is not None
     first = storm.on_horizon(storm.points[0][0])
-    x = [(storm.on_horizon(p[0]) - first).total_seconds() for p in storm.points]
+    seconds = [(storm.on_horizon(p[0]) - first).total_seconds() for p in storm.points]
     start = (window.start - first).total_seconds()
     middle = start + 60.0 * window.step_min * (np.arange(window.slots) + 0.5)
-    lat = np.interp(middle, x, [p[1] for p in storm.points])
-    lon = np.interp(middle, x, np.unwrap([p[2] for p in storm.points], period=360.0))
+    lat = np.interp(middle, seconds, [p[1] for p in storm.points])
+    lon = np.interp(middle, seconds, np.unwrap([p[2] for p in storm.points], period=360.0))
     share = np.minimum(_distance_km(lat, lon, lat_deg, lon_deg) / storm.cloud.radius_km, 1.0)
-    left = storm.cloud.factor + (1.0 - storm.cloud.factor) * share
-    return np.where((middle >= x[0]) & (middle <= x[-1]), left, 1.0)
+    factor = storm.cloud.factor + (1.0 - storm.cloud.factor) * share
+    return np.where((middle >= seconds[0]) & (middle <= seconds[-1]), factor, 1.0)
 
 
 def _middle(parts: Parts) -> tuple[float, float]:
-    """Return latitude and longitude of the feeder: its anchor, or the middle of its buses."""
+    """Latitude and longitude of the feeder: its anchor, or the middle of its buses."""
     table = parts.geography
     if table is not None and table.anchor_lat_deg is not None and table.anchor_lon_deg is not None:
         return table.anchor_lat_deg, table.anchor_lon_deg
@@ -79,7 +79,7 @@ def _middle(parts: Parts) -> tuple[float, float]:
 
 
 def _distance_km(lat: Floats, lon: Floats, to_lat: float, to_lon: float) -> Floats:
-    """Return great-circle distances, (n,), by the haversine formula."""
-    one, two = np.radians(lat), math.radians(to_lat)
-    across = np.cos(one) * math.cos(two) * np.sin(np.radians(lon - to_lon) / 2.0) ** 2
-    return 2.0 * EARTH_KM * np.arcsin(np.sqrt(np.sin((one - two) / 2.0) ** 2 + across))
+    """Great-circle distances, (n,), by the haversine formula."""
+    start, end = np.radians(lat), math.radians(to_lat)
+    across = np.cos(start) * math.cos(end) * np.sin(np.radians(lon - to_lon) / 2.0) ** 2
+    return 2.0 * RADIUS_M / 1000.0 * np.arcsin(np.sqrt(np.sin((start - end) / 2.0) ** 2 + across))

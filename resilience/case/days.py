@@ -42,12 +42,13 @@ def held_out(case: Case, days: int | None = None) -> Case:
             )
         return case
     times = read_profile_file(Path(file)).times
-    whole = len(times) // per_day
-    most = math.ceil(TEST_SHARE * whole)
-    if not 0 < days <= most:
+    total = len(times) // per_day
+    max_days = math.ceil(TEST_SHARE * total)
+    if not 0 < days <= max_days:
+        allowed = f"1 to {max_days}, the last quarter of the {total} in the profiles"
         raise UsageError(
-            f"--days {days}; allowed: 1 to {most}, the last quarter of the {whole} in the profiles",
+            f"--days {days}; allowed: {allowed}",
             hint="the days before are for tuning and training",
         )
-    first: datetime = times[(whole - days) * per_day].astype("datetime64[s]").item()
+    first: datetime = times[(total - days) * per_day].astype("datetime64[s]").item()
     return case.replace(start=first, slots=days * per_day, outages=())

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from resilience.case.networks.network import did_you_mean
 from resilience.errors import Mistake, UsageError
@@ -19,20 +18,50 @@ KEYED = ("load", "pv", "ess", "generator", "grid", "line")
 _SOURCES = ("pandapower", "file", "bus", "line")
 _PACKAGE = Path(__file__).parent.parent
 
+TomlTable = dict[str, object]
+"""A table of a case file as it was read: nobody has checked what its values are."""
+
+Place = tuple[str, ...]
+"""Where a table or a key stands: `("ess", "ess1", "p_max_mw")`; entries of `KEYED` go by name."""
+
+Finding = tuple[str, str, str, str]
+"""`(key, value, allowed, hint)`: one thing wrong with a table."""
+
 
 @dataclass
 class Document:
-    """A merged case file: its data, the file each key comes from, and what could not be read."""
+    """A merged case file and what is wrong with it.
+
+    Attributes:
+        path: its file; None where it came from none.
+        data: its tables, merged over those of the cases that it extends.
+        origin: the file that each table and key comes from, by place.
+        mistakes: what could not be read, and what checks have noted since.
+    """
 
     path: Path | None
-    data: dict[str, Any] = field(default_factory=dict)
-    origin: dict[tuple[str, ...], str] = field(default_factory=dict)
+    data: TomlTable = field(default_factory=dict)
+    origin: dict[Place, str] = field(default_factory=dict)
     mistakes: list[Mistake] = field(default_factory=list)
 
-    def add(
-        self, where: tuple[str, ...], table: str, key: str, value: str, allowed: str, hint: str
-    ) -> None:
-        """Note one mistake; `where` is the place of its key in the data.
+    def entries(self, kind: str) -> list[TomlTable]:
+        """The tables `[[kind]]`, without whatever else stands among them."""
+        tables = self.data.get(kind, [])
+        return [e for e in tables if isinstance(e, dict)] if isinstance(tables, list) else []
+
+    def defaults(self, kind: str) -> TomlTable:
+        """The table `[defaults.kind]`; empty where it is missing or no table."""
+        section = self.data.get("defaults")
+        table = section.get(kind) if isinstance(section, dict) else None
+        return table if isinstance(table, dict) else {}
+
+    def add_findings(self, where: Place, table: str, findings: Iterable[Finding]) -> None:
+        """Notes what is wrong with the table at `where`, each finding at its own key."""
+        for key, value, allowed, hint in findings:
+            self.add((*where, key), table, key, value, allowed, hint)
+
+    def add(self, where: Place, table: str, key: str, value: str, allowed: str, hint: str) -> None:
+        """Notes one mistake; `where` is the place of its key in the data.
 
         A key that a device has from `[defaults.<kind>]` is a mistake there.
         """
@@ -40,18 +69,15 @@ class Document:
             where, table = ("defaults", where[0], where[2]), f"[defaults.{where[0]}]"
         self.mistakes.append(Mistake(self.file_of(*where), table, key, value, allowed, hint))
 
-    def _is_default(self, where: tuple[str, ...]) -> bool:
+    def _is_default(self, where: Place) -> bool:
         if len(where) != 3 or where[0] not in KEYED:
             return False
         kind, name, key = where
-        section = self.data.get("defaults")
-        defaults = section.get(kind) if isinstance(section, dict) else None
-        entries = [e for e in self.data.get(kind, []) if isinstance(e, dict)]
-        own = [entry for entry in entries if entry_name(kind, entry) == name]
-        return isinstance(defaults, dict) and key in defaults and not any(key in e for e in own)
+        namesakes = [entry for entry in self.entries(kind) if entry_name(kind, entry) == name]
+        return key in self.defaults(kind) and not any(key in entry for entry in namesakes)
 
     def file_of(self, *where: str) -> str:
-        """Return the file that a table or key comes from, the innermost that is known."""
+        """The file that a table or key comes from, the innermost that is known."""
         for length in range(len(where), 0, -1):
             if where[:length] in self.origin:
                 return self.origin[where[:length]]
@@ -59,7 +85,7 @@ class Document:
 
 
 def shown(path: Path | None) -> str:
-    """Return a path as messages print it: relative where it lies below the working folder."""
+    """A path as messages print it: relative where it lies below the working folder."""
     if path is None:
         return "case"
     try:
@@ -69,21 +95,22 @@ def shown(path: Path | None) -> str:
 
 
 def case_folder() -> Path:
-    """Return the folder of the cases that come with the package, or with a source checkout."""
+    """The folder of the cases that come with the package, or with a source checkout."""
     installed = _PACKAGE / "_cases"
     return installed if installed.is_dir() else _PACKAGE.parent / "cases"
 
 
 def case_names() -> list[str]:
-    """Return the names of the cases that come with the package: `ieee33`, `analytic/island`."""
+    """Names of the cases that come with the package: `ieee33`, `analytic/island`."""
     folder = case_folder()
     return sorted(p.relative_to(folder).with_suffix("").as_posix() for p in folder.rglob("*.toml"))
 
 
 def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
-    """Return the file of a case given by name or path; relative paths start at `beside`.
+    """The file of a case given by name or path; relative paths start at `beside`.
 
-    Raises `UsageError` where there is no such case.
+    Raises:
+        UsageError: there is no such case.
     """
     path = Path(ref)
     local = path if beside is None else beside / path
@@ -96,12 +123,12 @@ def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
             "give a path or one of the names: " + ", ".join(case_names()),
         )
     raise UsageError(
-        f"case {str(ref)!r} does not exist", did_you_mean(str(ref), case_names(), shown=40)
+        f"case {str(ref)!r} does not exist", did_you_mean(str(ref), case_names(), max_listed=40)
     )
 
 
 def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
-    """Read a case file and merge it over the case that it extends."""
+    """Reads a case file and merges it over the case that it extends."""
     path = path.resolve()
     document = Document(path)
     document.data = _parse(path, document)
@@ -132,7 +159,7 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
     )
 
 
-def _parse(path: Path, document: Document) -> dict[str, Any]:
+def _parse(path: Path, document: Document) -> TomlTable:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -146,20 +173,20 @@ def _parse(path: Path, document: Document) -> dict[str, Any]:
     lines = text.splitlines()
     line = int(place[1]) if place else len(lines)
     column = f"column {place[2]}" if place else "end of file"
-    found = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
-    document.add((), f"line {line}", column, found, "TOML", message.split(" (at ", 1)[0])
+    value = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
+    document.add((), f"line {line}", column, value, "TOML", message.split(" (at ", 1)[0])
     return {}
 
 
-def _absolute_paths(data: dict[str, Any], folder: Path) -> None:
+def _absolute_paths(data: TomlTable, folder: Path) -> None:
     for table in ("network", "profiles"):
         section = data.get(table)
         if isinstance(section, dict) and isinstance(section.get("file"), str):
             section["file"] = str((folder / section["file"]).resolve())
 
 
-def _places(value: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """Yield the place of every table and key; entries of keyed lists go by name."""
+def _places(value: object, where: Place = ()) -> Iterator[Place]:
+    """The place of every table and key; entries of keyed lists go by name."""
     if where:
         yield where
     if isinstance(value, dict):
@@ -171,14 +198,14 @@ def _places(value: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]
                 yield from _places(entry, (*where, entry_name(where[0], entry)))
 
 
-def entry_name(kind: str, entry: dict[str, Any]) -> str:
-    """Return the name of an entry of a list of tables; empty where it has none."""
+def entry_name(kind: str, entry: TomlTable) -> str:
+    """The name of an entry of a list of tables; empty where it has none."""
     unnamed = {"grid": "grid", "network.line": f"{entry.get('from')}-{entry.get('to')}"}
     return str(entry.get("name", unnamed.get(kind, "")))
 
 
-def _merge(base: dict[str, Any], child: dict[str, Any]) -> dict[str, Any]:
-    """Lay a case over its base: tables key by key, lists of devices by name, the rest replaced."""
+def _merge(base: TomlTable, child: TomlTable) -> TomlTable:
+    """A case laid over its base: tables key by key, lists of devices by name, all else replaced."""
     merged = {k: v for k, v in base.items() if k not in ("extends", "name", "description")}
     for key, value in child.items():
         old = merged.get(key)
@@ -193,16 +220,16 @@ def _merge(base: dict[str, Any], child: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _merge_tables(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+def _merge_tables(old: TomlTable, new: TomlTable) -> TomlTable:
     both = {
-        k: _merge_tables(old[k], v)
-        for k, v in new.items()
-        if isinstance(v, dict) and isinstance(old.get(k), dict)
+        key: _merge_tables(table, value)
+        for key, value in new.items()
+        if isinstance(value, dict) and isinstance(table := old.get(key), dict)
     }
     return old | new | both
 
 
-def _merge_network(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
+def _merge_network(old: TomlTable, new: TomlTable) -> TomlTable:
     """A new source of the network replaces the old one; inline buses keep inline lines."""
     sources = [key for key in _SOURCES if key in new]
     inline = ("bus", "line") if any(key in ("bus", "line") for key in sources) else ()
@@ -210,16 +237,23 @@ def _merge_network(old: dict[str, Any], new: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in old.items() if k not in dropped} | new
 
 
-def _merge_entries(kind: str, old: list[Any], new: list[Any]) -> list[Any]:
+def _merge_entries(kind: str, old: list[object], new: list[object]) -> list[object]:
+    """The old entries, each with the keys of its namesake laid over it, then new ones.
+
+    Of old entries that share a name, the first takes the first new one; a second new one stands
+    alone, so that the check of names sees both.
+    """
     merged = list(old)
     free = {
-        entry_name(kind, e): i for i, e in reversed(list(enumerate(old))) if isinstance(e, dict)
+        entry_name(kind, entry): (position, entry)
+        for position, entry in reversed(list(enumerate(old)))
+        if isinstance(entry, dict)
     }
     for entry in new:
         name = entry_name(kind, entry) if isinstance(entry, dict) else ""
-        position = free.pop(name, None) if name else None
-        if position is None:
-            merged.append(entry)
+        if isinstance(entry, dict) and name and name in free:
+            position, table = free.pop(name)
+            merged[position] = _merge_tables(table, entry)
         else:
-            merged[position] = _merge_tables(merged[position], entry)
+            merged.append(entry)
     return merged

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from resilience.case.document import Document
 from resilience.case.networks.network import did_you_mean
@@ -15,7 +14,15 @@ _BUS, _LINE = ("network", "bus"), ("network", "line")
 
 @dataclass
 class Inline:
-    """The sound part of an inline network, the names in all of it, and whether that is the same."""
+    """An inline network as far as it is sound.
+
+    Attributes:
+        buses: sound `[[network.bus]]` tables by name.
+        lines: sound `[[network.line]]` tables with their titles in messages.
+        bus_names: of all buses, unsound ones included.
+        line_names: of all lines, unsound ones included.
+        complete: everything is sound.
+    """
 
     buses: dict[str, BusTable] = field(default_factory=dict)
     lines: list[tuple[BranchTable, str]] = field(default_factory=list)
@@ -24,8 +31,8 @@ class Inline:
     complete: bool = True
 
 
-def read_inline(document: Document, buses: Any, lines: Any) -> Inline:
-    """Check the tables of an inline network; mistakes go to the document."""
+def read_inline(document: Document, buses: object, lines: object) -> Inline:
+    """Checks the tables of an inline network; mistakes go to the document."""
     inline = Inline()
     entries = read_list(BusTable, "network.bus", buses, document, _BUS)
     for bus, title, sound in entries:
@@ -49,7 +56,7 @@ def read_inline(document: Document, buses: Any, lines: Any) -> Inline:
 
 
 def _check_ends(document: Document, line: BranchTable, title: str, inline: Inline) -> bool:
-    """Note what is wrong with the ends of a line; say whether both are sound buses that fit."""
+    """Notes what is wrong with the ends of a line; whether both are sound buses that fit."""
     ends = (line.from_, line.to)
     for key, bus in zip(("from", "to"), ends, strict=True):
         if bus and bus not in inline.bus_names:
@@ -61,10 +68,10 @@ def _check_ends(document: Document, line: BranchTable, title: str, inline: Inlin
         allowed, hint = "another bus than at `from`", "a line joins two buses"
         document.add(_LINE, title, "to", show(line.to), allowed, hint)
         return False
-    one, other = (inline.buses[bus].vn_kv for bus in ends)
-    if one != other:
-        found = f"{one:g} kV at one end, {other:g} kV at the other"
+    from_kv, to_kv = (inline.buses[bus].vn_kv for bus in ends)
+    if from_kv != to_kv:
+        value = f"{from_kv:g} kV at one end, {to_kv:g} kV at the other"
         hint = "put a transformer into a pandapower file, or give both buses one vn_kv"
-        document.add(_LINE, title, "vn_kv", found, "one nominal voltage", hint)
+        document.add(_LINE, title, "vn_kv", value, "one nominal voltage", hint)
         return False
     return True

@@ -16,7 +16,7 @@ from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
-from resilience.case.document import Document, find_case, read_document
+from resilience.case.document import Document, Place, TomlTable, find_case, read_document
 from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.network import did_you_mean
@@ -43,16 +43,21 @@ from resilience.errors import CaseError
 
 
 def load_case(ref: str | os.PathLike[str]) -> Case:
-    """Read a case by name (`ieee33`, `analytic/island`) or by the path of its file.
+    """A case by name (`ieee33`, `analytic/island`) or by the path of its file.
 
-    Raises `CaseError` with every mistake in the file, and `UsageError` for a case that is not
-    there.
+    Raises:
+        CaseError: every mistake in the file.
+        UsageError: there is no such case.
     """
     return build_case(read_document(find_case(ref)))
 
 
 def build_case(document: Document) -> Case:
-    """Check a merged case file and build the case. Raises `CaseError` with every mistake."""
+    """The case that a merged case file describes.
+
+    Raises:
+        CaseError: every mistake in the file.
+    """
     if document.mistakes:
         raise CaseError(document.mistakes)
     head = _read_head(document)
@@ -118,14 +123,14 @@ def _read_outage(document: Document) -> OutageTable:
     raw = document.data.get("outage", {})
     table, sound = read_table(OutageTable, raw, document, "[outage]", ("outage",))
     if sound and table.duration_slots[0] > table.duration_slots[1]:
-        found, allowed = show(list(table.duration_slots)), "[shortest, longest]"
+        value, allowed = show(list(table.duration_slots)), "[shortest, longest]"
         where, hint = ("outage", "duration_slots"), "swap the two numbers"
-        document.add(where, "[outage]", "duration_slots", found, allowed, hint)
+        document.add(where, "[outage]", "duration_slots", value, allowed, hint)
     return table
 
 
 def _read_weather(parts: Parts) -> None:
-    """Read `[geography]` and `[storm]`, where there are any; an unsound one stands as it is."""
+    """Reads `[geography]` and `[storm]`, where there are any; an unsound one stands as it is."""
     data, document = parts.document.data, parts.document
     if data.get("geography") is not None:
         where = ("geography",)
@@ -136,12 +141,12 @@ def _read_weather(parts: Parts) -> None:
         parts.storm = read_table(StormTable, data["storm"], document, "[storm]", ("storm",))[0]
 
 
-def _required(document: Document, key: str, hint: str) -> dict[str, Any] | None:
-    """Return a table that every case needs, or `None` where it is missing or no table."""
+def _required(document: Document, key: str, hint: str) -> TomlTable | None:
+    """A table that every case needs, or `None` where it is missing or no table."""
     raw = document.data.get(key)
     if not isinstance(raw, dict):
-        found = "nothing" if raw is None else show(raw)
-        document.add((key,), f"[{key}]", "", found, "a table", hint)
+        value = "nothing" if raw is None else show(raw)
+        document.add((key,), f"[{key}]", "", value, "a table", hint)
         return None
     return raw
 
@@ -180,8 +185,7 @@ def _read_network(parts: Parts) -> None:
     try:
         feeder = read_feeder(table)
     except FeederError as error:
-        key, *rest = error.args
-        document.add((*where, key), "[network]", key, *rest)
+        document.add_findings(where, "[network]", [error.finding])
     else:
         network = feeder.network
         lines = [line for line, _ in parts.lines if line.name and network.has_line(line.name)]
@@ -202,18 +206,17 @@ def _read_profiles(parts: Parts) -> dict[str, Floats]:
     uses = list(_profile_uses(parts))
     powers = {name for _, _, key, name in uses if key == "profile"}
     prices = {name: name not in powers for *_, name in uses}
-    arrays, known, findings = read_profiles(table.file, table.columns or {}, parts.window, prices)
-    for key, *rest in findings:
-        document.add(("profiles", key), "[profiles]", key, *rest)
+    arrays, names, findings = read_profiles(table.file, table.columns or {}, parts.window, prices)
+    document.add_findings(("profiles",), "[profiles]", findings)
     for where, title, key, name in uses:
-        if sound and known is not None and name not in known:
-            hint = did_you_mean(name, sorted(known)) if known else "add [profiles] with a file"
+        if sound and names is not None and name not in names:
+            hint = did_you_mean(name, sorted(names)) if names else "add [profiles] with a file"
             document.add(where, title, key, show(name), "a column of the profiles", hint)
     return arrays
 
 
-def _profile_uses(parts: Parts) -> Iterator[tuple[tuple[str, ...], str, str, str]]:
-    """Yield `(place, title, key, column)` for every profile that a device names."""
+def _profile_uses(parts: Parts) -> Iterator[tuple[Place, str, str, str]]:
+    """`(place, title, key, column)` for every profile that a device names."""
     for kind, device, title in parts.all_devices():
         for key in ("profile", "price_profile"):
             name = getattr(device, key, None)

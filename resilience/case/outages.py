@@ -39,7 +39,15 @@ class HasHorizon(Protocol):
 
 @dataclass(frozen=True)
 class Written:
-    """One outage as text: where it stands, and its three parts."""
+    """One outage as text.
+
+    Attributes:
+        where: it stands: `outages #2`, `row 3`.
+        text: all of it.
+        line: name of the line.
+        start: time at which it begins.
+        stop: time at which it ends.
+    """
 
     where: str
     text: str
@@ -53,9 +61,11 @@ class _TimeError(Exception):
 
 
 def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
-    """Read outages for a case from text (comma or semicolon separated), a CSV file, or `none`.
+    """Outages for a case from text (comma or semicolon separated), a CSV file, or `none`.
 
-    Raises `CaseError` with every mistake, and `UsageError` for a file that is not there.
+    Raises:
+        CaseError: every mistake in them.
+        UsageError: the file does not exist.
     """
     if isinstance(text, Path) or text.strip().lower().endswith(".csv"):
         specs, mistakes = _read_csv(Path(text))
@@ -72,7 +82,7 @@ def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
 
 
 def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Written], list[Mistake]]:
-    """Split outages as written into their parts; the second list says which have another form."""
+    """Outages as written, split into their parts, and mistakes: those that have another form."""
     specs, mistakes = [], []
     for number, text in enumerate(texts, start=1):
         match = _SPEC.fullmatch(text)
@@ -91,9 +101,9 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
         reader = csv.DictReader(stream)
         missing = [c for c in ("line", "start", "stop") if c not in (reader.fieldnames or ())]
         if missing:
-            found = ", ".join(reader.fieldnames or ()) or "no columns"
+            value = ", ".join(reader.fieldnames or ()) or "no columns"
             allowed, hint = "line, start, stop", "the first row of the file names the columns"
-            return [], [Mistake(str(path), "header", missing[0], found, allowed, hint)]
+            return [], [Mistake(str(path), "header", missing[0], value, allowed, hint)]
         return [
             Written(
                 f"row {reader.line_num}",
@@ -107,7 +117,7 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
 def place_outages(
     specs: Iterable[Written], file: str, network: Network | None, window: Window | None
 ) -> tuple[tuple[Outage, ...], list[Mistake]]:
-    """Turn written outages into slots; the second list says what cannot be placed and why.
+    """Written outages as slots, and mistakes: what cannot be placed and why.
 
     Either of `network` and `window` may be missing: what needs it is then not checked.
     """
@@ -141,7 +151,7 @@ def _slots(spec: Written, window: Window) -> tuple[int, int]:
 
 
 def _time(text: str, window: Window, after: datetime | None) -> datetime:
-    """Read a time; `after` is the start of the outage when `text` is its end."""
+    """The time that a text means; `after` is the start of the outage when `text` is its end."""
     match = _CLOCK.fullmatch(text)
     try:
         if match is None:
@@ -164,7 +174,7 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
 
 
 def outage_texts(outages: Iterable[Outage], window: Window) -> list[str]:
-    """Write outages as a case file and `--outages` have them. The inverse of reading them."""
+    """Outages as a case file and `--outages` have them: the inverse of reading them."""
     return [
         f"{outage.line}@{window.label(outage.first)}-{_end_text(outage.stop, window)}"
         for outage in outages

@@ -16,42 +16,61 @@ from datetime import datetime, timedelta
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from resilience.arrays import Floats
+from resilience.arrays import Floats, Times
+from resilience.case.document import Finding
 from resilience.case.window import Window
 
-Finding = tuple[str, str, str, str]
-"""`(key, value, allowed, hint)`."""
+Cell = str | float | None
+"""Of a column: text in a CSV file, a number or nothing in Parquet."""
 
 MAX_PU = 2.0
 """Most that a profile of a device may ask for, per unit of its peak."""
 
 
 class ProfileError(Exception):
-    """A profile file that cannot be read or does not fit: `(key, value, allowed, hint)`."""
+    """A profile file that cannot be read or does not fit.
+
+    Args:
+        key: of `[profiles]`, or the column.
+        value: what stands there.
+        allowed: what may stand there.
+        hint: what to do about it.
+    """
+
+    def __init__(self, key: str, value: str, allowed: str, hint: str) -> None:
+        super().__init__(key, value, allowed, hint)
+        self.finding = (key, value, allowed, hint)
 
 
 @dataclass
 class ProfileFile:
-    """The columns of one file, turned into numbers when asked for."""
+    """The columns of one file, turned into numbers when asked for.
 
-    times: NDArray[np.datetime64]
-    raw: dict[str, Any]
+    Attributes:
+        times: (rows,) when each slot starts, without a zone.
+        raw: the cells of every other column by name, (rows,) each.
+    """
+
+    times: Times
+    raw: Mapping[str, Sequence[Cell]]
     _numbers: dict[str, Floats] = field(default_factory=dict)
 
     def column(self, name: str) -> Floats:
-        """Return a whole column as floats; empty cells are NaN."""
+        """A column as floats, (rows,); empty cells are NaN."""
         if name not in self._numbers:
             self._numbers[name] = _to_numbers(name, self.raw[name])
         return self._numbers[name]
 
 
 def read_profile_file(path: Path) -> ProfileFile:
-    """Read a profile file, or take it from memory if it is unchanged."""
+    """A profile file, from memory if it is unchanged.
+
+    Raises:
+        ProfileError: it cannot be read.
+    """
     if not path.is_file():
         hint = "paths start at the case file's folder"
         raise ProfileError("file", str(path), "a file that exists", hint)
@@ -77,18 +96,16 @@ def _read_csv(path: Path) -> ProfileFile:
         raise ProfileError("file", path.name, "UTF-8 text", hint) from None
     rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].startswith("#")]
     if not rows or rows[0][0].strip() != "time":
-        found = repr(rows[0][0]) if rows else "an empty file"
+        value = repr(rows[0][0]) if rows else "an empty file"
         hint = "name the column of times `time`"
-        raise ProfileError("file", found, "`time` as the first column", hint)
+        raise ProfileError("file", value, "`time` as the first column", hint)
     names = [name.strip() for name in rows[0]]
     for number, row in enumerate(rows[1:], start=1):
         if len(row) != len(names):
-            found, allowed = (
-                f"{len(row)} cells in data row {number}",
-                f"{len(names)}, as the header",
-            )
+            value = f"{len(row)} cells in data row {number}"
+            allowed = f"{len(names)}, as the header"
             hint = "a comma is missing or too many; decimals take a point"
-            raise ProfileError("file", found, allowed, hint)
+            raise ProfileError("file", value, allowed, hint)
     cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(names)
     columns: dict[str, tuple[str, ...]] = dict(zip(names, cells, strict=True))
     return ProfileFile(_to_times(columns.pop("time")), columns)
@@ -104,18 +121,18 @@ def _read_parquet(path: Path) -> ProfileFile:
         hint = f"the file is damaged: {error}"
         raise ProfileError("file", path.name, "a Parquet file", hint) from None
     if "time" not in table.column_names:
-        found = ", ".join(table.column_names)
-        raise ProfileError("file", found, "a column `time`", "name the column of times `time`")
+        names = ", ".join(table.column_names)
+        raise ProfileError("file", names, "a column `time`", "name the column of times `time`")
     times = table.column("time")
     if pa.types.is_timestamp(times.type) and times.type.tz is None:
         stamps = times.cast(pa.timestamp("s")).to_numpy().astype("datetime64[s]")
     else:
         stamps = _to_times(tuple(map(str, times.to_pylist())))
-    names = [name for name in table.column_names if name != "time"]
-    return ProfileFile(stamps, {name: table.column(name).to_pylist() for name in names})
+    columns = [name for name in table.column_names if name != "time"]
+    return ProfileFile(stamps, {name: table.column(name).to_pylist() for name in columns})
 
 
-def _to_times(texts: tuple[str, ...]) -> NDArray[np.datetime64]:
+def _to_times(texts: Sequence[str]) -> Times:
     stamps = []
     for row, text in enumerate(texts, start=1):
         try:
@@ -123,14 +140,14 @@ def _to_times(texts: tuple[str, ...]) -> NDArray[np.datetime64]:
         except ValueError:
             stamp = None
         if stamp is None or stamp.tzinfo is not None:
-            found = f"{text!r} in data row {row}"
+            value = f"{text!r} in data row {row}"
             hint = "write local times as 2016-07-12 14:30"
-            raise ProfileError("time", found, "ISO date and time without a zone", hint)
+            raise ProfileError("time", value, "ISO date and time without a zone", hint)
         stamps.append(stamp)
     return np.array(stamps, dtype="datetime64[s]")
 
 
-def _to_numbers(name: str, cells: Any) -> Floats:
+def _to_numbers(name: str, cells: Sequence[Cell]) -> Floats:
     try:
         return np.array([np.nan if c is None else c for c in cells]).astype(np.float64)
     except ValueError:
@@ -142,37 +159,42 @@ def _to_numbers(name: str, cells: Any) -> Floats:
         try:
             numbers[row] = float(cell)
         except ValueError:
-            found, hint = f"{cell!r} in data row {row + 1}", "decimals take a point"
-            raise ProfileError(name, found, "a number", hint) from None
+            value, hint = f"{cell!r} in data row {row + 1}", "decimals take a point"
+            raise ProfileError(name, value, "a number", hint) from None
     return numbers
 
 
 def find_window(file: ProfileFile, window: Window) -> slice:
-    """Return the rows that cover the horizon. Raises `ProfileError` where none do exactly."""
+    """The rows that cover the horizon.
+
+    Raises:
+        ProfileError: none do exactly.
+    """
     times, start = file.times, np.datetime64(window.start)
     _check_step(times, window)
     first = int(np.searchsorted(times, start))
     if first == len(times) or times[first] != start:
-        found, hint = f"rows from {times[0]} to {times[-1]}", "move [time] start, or use other data"
-        raise ProfileError("file", found.replace("T", " "), f"a row at {window.start}", hint)
+        value = f"rows from {times[0]} to {times[-1]}".replace("T", " ")
+        hint = "move [time] start, or use other data"
+        raise ProfileError("file", value, f"a row at {window.start}", hint)
     if first + window.slots > len(times):
-        found = f"{len(times) - first} rows from {window.start} to {times[-1]}".replace("T", " ")
+        value = f"{len(times) - first} rows from {window.start} to {times[-1]}".replace("T", " ")
         hint = "shorten [time] slots, or use a longer file"
-        raise ProfileError("file", found, f"at least slots = {window.slots}", hint)
+        raise ProfileError("file", value, f"at least slots = {window.slots}", hint)
     rows = slice(first, first + window.slots)
     step = timedelta(minutes=window.step_min)
-    for row, (one, other) in enumerate(pairwise(times[rows].tolist()), start=first + 2):
-        if other - one != step:
-            found = f"{other} after {one}, data row {row}"
+    for row, (earlier, later) in enumerate(pairwise(times[rows].tolist()), start=first + 2):
+        if later - earlier != step:
+            value = f"{later} after {earlier}, data row {row}"
             allowed = f"a step of {window.step_min:g} min"
-            raise ProfileError("file", found, allowed, "fill the gap in the file")
+            raise ProfileError("file", value, allowed, "fill the gap in the file")
     return rows
 
 
-def _check_step(times: NDArray[np.datetime64], window: Window) -> None:
+def _check_step(times: Times, window: Window) -> None:
     if len(times) < 2:
-        found, hint = f"{len(times)} rows", "the file holds no time series"
-        raise ProfileError("file", found, "one row per slot", hint)
+        value, hint = f"{len(times)} rows", "the file holds no time series"
+        raise ProfileError("file", value, "one row per slot", hint)
     step_min = float(np.median(np.diff(times).astype(np.int64))) / 60.0
     if step_min != window.step_min:
         allowed = f"step_min = {window.step_min:g}"
@@ -186,35 +208,41 @@ def read_profiles(
     window: Window,
     uses: Mapping[str, bool],
 ) -> tuple[dict[str, Floats], set[str] | None, list[Finding]]:
-    """Cut the profiles that a case uses, and all inline ones, to the horizon.
+    """The profiles that a case uses, and all inline ones, cut to the horizon.
 
-    `uses` says for each name whether it is a price. Returns the arrays, the names there are
-    (`None` where the file cannot be read), and what is wrong, as `(key, value, allowed, hint)`.
+    Args:
+        path: the profile file, if there is one.
+        inline: columns of the case itself, which start with the horizon.
+        window: the horizon.
+        uses: for the name of each profile that a device follows, whether it is a price.
+
+    Returns:
+        The arrays, (slots,) each; the names that exist, `None` where the file cannot be read; and
+        what is wrong.
     """
     arrays: dict[str, Floats] = {}
     findings: list[Finding] = []
-    known: set[str] | None = set(inline)
+    names: set[str] | None = set(inline)
     if path:
-        known = None
+        names = None
         try:
             file = read_profile_file(Path(path))
-            known = set(inline) | set(file.raw)
+            names = set(inline) | set(file.raw)
             rows = find_window(file, window)
             for name in sorted(uses.keys() & file.raw.keys() - inline.keys()):
                 arrays[name] = file.column(name)[rows].copy()
         except ProfileError as error:
-            findings.append(error.args)
+            findings.append(error.finding)
     for name, values in inline.items():
         if len(values) < window.slots:
-            hint = "give one value per slot"
-            found = f"{len(values)} values"
-            findings.append((name, found, f"at least slots = {window.slots}", hint))
+            allowed, hint = f"at least slots = {window.slots}", "give one value per slot"
+            findings.append((name, f"{len(values)} values", allowed, hint))
         else:
             arrays[name] = np.array(values[: window.slots], dtype=np.float64)
     for name, array in arrays.items():
         array.setflags(write=False)
         findings.extend(_wrong_values(name, array, window, is_price=uses.get(name, False)))
-    return arrays, known, findings
+    return arrays, names, findings
 
 
 def _wrong_values(
@@ -226,9 +254,9 @@ def _wrong_values(
         checks.append((values < 0, "negative", "0 or more", hint))
         hint = "divide the column by its peak, and put the peak into p_max_mw"
         checks.append((values > MAX_PU, f"above {MAX_PU:g}", "per unit of the device's peak", hint))
-    for wrong, what, allowed, hint in checks:
+    for wrong, fault, allowed, hint in checks:
         count = int(np.count_nonzero(wrong))
         if count:
             t = int(np.argmax(wrong))
             first = f"the first at {window.time(t):%Y-%m-%d %H:%M} (slot {t + 1}: {values[t]:g})"
-            yield name, f"{count} of {len(values)} values {what}, {first}", allowed, hint
+            yield name, f"{count} of {len(values)} values {fault}, {first}", allowed, hint

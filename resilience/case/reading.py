@@ -1,4 +1,4 @@
-"""From plain data to checked tables: every pydantic error becomes a `Problem` people can read."""
+"""From plain data to checked tables: every pydantic error becomes a `Mistake` people can read."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Any, TypeVar, cast
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
-from resilience.case.document import Document, entry_name
+from resilience.case.document import Document, Finding, Place, TomlTable, entry_name
 from resilience.case.networks.network import did_you_mean
 from resilience.case.schema import DEVICES, Table
 
 T = TypeVar("T", bound=Table)
-Where = tuple[str, ...]
 
 _ALLOWED = {
     "greater_than": "greater than {gt:g}",
@@ -33,8 +33,8 @@ _ALLOWED = {
 }
 
 
-def show(value: Any, limit: int = 60) -> str:
-    """Return a value as TOML writes it, cut to `limit` characters."""
+def show(value: object, limit: int = 60) -> str:
+    """A value as TOML writes it, cut to `limit` characters."""
     if isinstance(value, bool):
         text = "true" if value else "false"
     elif isinstance(value, str):
@@ -49,12 +49,22 @@ def show(value: Any, limit: int = 60) -> str:
 
 
 def read_table(
-    model: type[T], raw: Any, document: Document, table: str, where: Where
+    model: type[T], raw: object, document: Document, table: str, where: Place
 ) -> tuple[T, bool]:
-    """Check one table. Returns it and whether it is sound; mistakes go to the document.
+    """Checks one table; mistakes go to the document.
 
     An unsound table holds `None` where a value is wrong or missing, so that the rules which do
     not need that value can still be checked.
+
+    Args:
+        model: what the table may hold.
+        raw: the table as it was read.
+        document: the case file.
+        table: the table's title in messages: `[[ess]] ess2`.
+        where: its place in the file.
+
+    Returns:
+        The table, and whether it is sound.
     """
     if not isinstance(raw, dict):
         hint = f"write {table} on a line of its own and the keys below it"
@@ -73,8 +83,8 @@ def read_table(
         return _partial(model, raw, bad), False
 
 
-def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str, str, str, str]:
-    """Return `(key, value, allowed, hint)` for one pydantic error."""
+def _describe(model: type[Table], error: ErrorDetails, raw: TomlTable) -> Finding:
+    """What one pydantic error means."""
     loc, kind = error["loc"], error["type"]
     key = str(loc[0]) + "".join(f"[{i + 1}]" if isinstance(i, int) else f".{i}" for i in loc[1:])
     if kind == "extra_forbidden":
@@ -84,7 +94,7 @@ def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str,
     if kind == "missing" and len(loc) == 1:
         return key, "nothing", "a value", f"add {key} = ... ({about})"
     allowed = _ALLOWED.get(kind, error["msg"]).format(**error.get("ctx", {}))
-    found = show(raw.get(str(loc[0])) if kind == "missing" else error["input"])
+    value = show(raw.get(str(loc[0])) if kind == "missing" else error["input"])
     hint = f"{loc[0]} is: {about}"
     if kind in ("float_type", "int_type", "bool_type") and isinstance(error["input"], str):
         hint = f"remove the quotes; {hint}"
@@ -92,14 +102,14 @@ def _describe(model: type[Table], error: Any, raw: dict[str, Any]) -> tuple[str,
         hint = "probably V given as kV; divide by 1000"
     elif kind == "less_than_equal" and error["ctx"]["le"] == 1 and error["input"] <= 100:
         hint = f"probably percent; divide by 100 ({hint})"
-    return key, found, allowed, hint
+    return key, value, allowed, hint
 
 
 def unknown_key(model: type[Table], key: str) -> tuple[str, str, str]:
-    """Return `(value, allowed, hint)` for a key that a table does not have."""
-    known = [f.alias or name for name, f in model.model_fields.items()]
-    hint = did_you_mean(key, known)
-    return "an unknown key", ", ".join(known), hint if hint.startswith("did") else "remove it"
+    """`(value, allowed, hint)` for a key that a table does not have."""
+    keys = [f.alias or name for name, f in model.model_fields.items()]
+    hint = did_you_mean(key, keys)
+    return "an unknown key", ", ".join(keys), hint if hint.startswith("did") else "remove it"
 
 
 def _field(model: type[Table], key: str) -> FieldInfo | None:
@@ -107,7 +117,8 @@ def _field(model: type[Table], key: str) -> FieldInfo | None:
     return next((field for name, field in fields if key in (name, field.alias)), None)
 
 
-def _partial(model: type[T], raw: dict[str, Any], bad: set[str]) -> T:
+def _partial(model: type[T], raw: TomlTable, bad: set[str]) -> T:
+    """A table with `None` where a value is wrong or missing."""
     values: dict[str, Any] = {}
     for name, field in model.model_fields.items():
         key = field.alias or name
@@ -122,31 +133,30 @@ def _partial(model: type[T], raw: dict[str, Any], bad: set[str]) -> T:
 
 
 def read_list(
-    model: type[T], kind: str, raw: Any, document: Document, where: Where
+    model: type[T], kind: str, raw: object, document: Document, where: Place
 ) -> list[tuple[T, str, bool]]:
-    """Check every entry of `[[kind]]`. Returns tables, their titles, and whether they are sound."""
+    """Checks every entry of `[[kind]]`: tables, their titles, and whether they are sound."""
     if not isinstance(raw, list):
         hint = f"write [[{kind}]] with two brackets"
         document.add(where, f"[{kind}]", "", show(raw), f"a list of tables, [[{kind}]]", hint)
         raw = [raw] if isinstance(raw, dict) else []
     defaults = _defaults(model, kind, document)
-    found = []
+    tables = []
     for number, entry in enumerate(raw, start=1):
         name = entry_name(kind, entry) if isinstance(entry, dict) else ""
         title = f"[[{kind}]] {name or f'#{number}'}"
         full = defaults | entry if isinstance(entry, dict) else entry
         table, sound = read_table(model, full, document, title, (*where, name))
-        found.append((table, title, sound))
-    return found
+        tables.append((table, title, sound))
+    return tables
 
 
-def _defaults(model: type[Table], kind: str, document: Document) -> dict[str, Any]:
-    """Return `[defaults.kind]` without its unknown keys, which are mistakes."""
-    section = document.data.get("defaults", {})
-    given = section.get(kind, {}) if isinstance(section, dict) else {}
-    if kind not in DEVICES or not isinstance(given, dict):
+def _defaults(model: type[Table], kind: str, document: Document) -> TomlTable:
+    """`[defaults.kind]` without its unknown keys, which are mistakes."""
+    if kind not in DEVICES:
         return {}
-    for key in given.keys() - model.model_fields.keys():
+    defaults = document.defaults(kind)
+    for key in defaults.keys() - model.model_fields.keys():
         where = ("defaults", kind, key)
         document.add(where, f"[defaults.{kind}]", key, *unknown_key(model, key))
-    return {key: value for key, value in given.items() if key in model.model_fields}
+    return {key: value for key, value in defaults.items() if key in model.model_fields}

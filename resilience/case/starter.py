@@ -69,10 +69,14 @@ _MAX_CURRENT_KA = 9.0
 
 
 def new_case_text(network: str) -> str:
-    """Return a case file, as TOML that loads, for a pandapower network or a network file.
+    """A case file, as TOML that loads, for a pandapower network or a network file.
 
-    `network` is a function of `pandapower.networks` (`case33bw`) or the path of a pandapower
-    `.json` or MATPOWER `.m` file. Raises `UsageError` where it cannot be read.
+    Args:
+        network: a function of `pandapower.networks` (`case33bw`) or the path of a pandapower
+            `.json` or MATPOWER `.m` file.
+
+    Raises:
+        UsageError: it cannot be read.
     """
     path = Path(network)
     is_file = path.suffix in (".json", ".m")
@@ -80,7 +84,7 @@ def new_case_text(network: str) -> str:
     try:
         feeder = read_feeder(table)
     except FeederError as error:
-        _, value, allowed, hint = error.args
+        _, value, allowed, hint = error.finding
         raise UsageError(f"network {network!r}: {value} found; allowed: {allowed}", hint) from None
     key, ref = ("file", str(path.resolve())) if is_file else ("pandapower", network)
     stem = path.stem if is_file else network
@@ -123,7 +127,7 @@ def _devices(feeder: Feeder) -> str:
 
 
 def _power(feeder: Feeder, bus: str, p_mw: float) -> str:
-    """Write a power; sources state 9999 MW and the like, and LV buses with the load of a city."""
+    """A power as text; sources state 9999 MW and the like, and LV buses with the load of a city."""
     vn_kv = float(feeder.network.vn_kv[feeder.network.bus(bus)])
     limit_mw = _MAX_CURRENT_KA * math.sqrt(3.0) * vn_kv
     if p_mw > limit_mw:
@@ -132,7 +136,7 @@ def _power(feeder: Feeder, bus: str, p_mw: float) -> str:
 
 
 def _bus_loads(feeder: Feeder) -> list[SourceDevice]:
-    """Return the loads added up by bus."""
+    """The loads added up by bus."""
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
     for load in feeder.load:
         sums[load.bus][0] += load.p_mw

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.case.document import Finding
 from resilience.case.schema import GridTable
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.case.window import Window
@@ -16,18 +17,15 @@ from resilience.case.window import Window
 _DAY_MIN = 24 * 60
 _CLOCK = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
 
-Finding = tuple[str, str, str, str]
-"""`(key, value, allowed, hint)`."""
-
 
 def minute_of_day(clock: str) -> int | None:
-    """Return the minutes after midnight of `"06:30"`; `None` for any other text."""
+    """Minutes after midnight of `"06:30"`; `None` for any other text."""
     match = _CLOCK.fullmatch(clock)
     return int(match[1]) * 60 + int(match[2]) if match else None
 
 
 def wrong_tariff(tariff: Sequence[tuple[str, float]]) -> Iterator[Finding]:
-    """Yield what is wrong with the times and prices of a tariff."""
+    """What is wrong with the times and prices of a tariff."""
     minutes = [minute_of_day(clock) for clock, _ in tariff]
     for number, ((clock, _), minute) in enumerate(zip(tariff, minutes, strict=True), start=1):
         if minute is None:
@@ -39,31 +37,31 @@ def wrong_tariff(tariff: Sequence[tuple[str, float]]) -> Iterator[Finding]:
             yield f"tariff[{number}]", f"{price:g}", allowed, hint
     if None in minutes:
         return
-    found = ", ".join(clock for clock, _ in tariff) or "no times"
+    times = ", ".join(clock for clock, _ in tariff) or "no times"
     if not minutes or minutes[0] != 0:
         hint = 'begin with the price at midnight, ["00:00", ...]'
-        yield "tariff", found, '"00:00" as the first time', hint
-    elif any(b <= a for a, b in pairwise([m for m in minutes if m is not None])):
-        yield "tariff", found, "each time later than the one before", "sort the times of the day"
+        yield "tariff", times, '"00:00" as the first time', hint
+    elif any(b <= a for a, b in pairwise(m for m in minutes if m is not None)):
+        yield "tariff", times, "each time later than the one before", "sort the times of the day"
 
 
 def tariff_profiles(
     grids: Iterable[GridTable], profiles: Mapping[str, Floats], window: Window
 ) -> dict[str, Floats]:
-    """Return the price profiles, (slots,) per MWh, of all tariffs under their names."""
-    found = {}
+    """The price profiles, (slots,) per MWh, of all tariffs under their names."""
+    tariffs = {}
     for grid in grids:
         if grid.tariff is not None and grid.tariff_profile is not None:
             prices = tariff_prices(grid.tariff, window)
             if grid.price_profile is not None:
                 prices = prices * profiles[grid.price_profile]
             prices.setflags(write=False)
-            found[grid.tariff_profile] = prices
-    return found
+            tariffs[grid.tariff_profile] = prices
+    return tariffs
 
 
 def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> Floats:
-    """Return the price in every slot, (slots,); the mean over a slot in which it changes."""
+    """The price in every slot, (slots,); the mean over a slot in which it changes."""
     starts = np.array([minute_of_day(clock) for clock, _ in tariff], float)
     price = np.array([price for _, price in tariff])
     midnight = window.start.replace(hour=0, minute=0, second=0, microsecond=0)
@@ -74,8 +72,9 @@ def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> Floats
     changes = (np.arange(days)[:, None] * _DAY_MIN + starts).ravel()
     prices = np.tile(price, days)
     paid = np.concatenate([[0.0], np.cumsum(prices[:-1] * np.diff(changes))])
-    at = np.searchsorted(changes, edges, side="right") - 1
-    cost = paid[at] + prices[at] * (edges - changes[at])
-    last = np.searchsorted(changes, edges[1:], side="left") - 1
+    period = np.searchsorted(changes, edges, side="right") - 1
+    cost = paid[period] + prices[period] * (edges - changes[period])
+    # A slot in which the price does not change has its price exactly, not a mean up to rounding.
+    first, last = period[:-1], np.searchsorted(changes, edges[1:], side="left") - 1
     mean = np.diff(cost) / window.step_min
-    return np.where(at[:-1] == last, prices[at[:-1]], mean)
+    return np.where(first == last, prices[first], mean)

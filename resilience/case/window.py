@@ -30,21 +30,21 @@ class Window:
         return self.slots * self.step_min > 24 * 60
 
     def time(self, t: int) -> datetime:
-        """Return the time at which slot `t` starts."""
+        """The time at which slot `t` starts."""
         return self.start + timedelta(minutes=t * self.step_min)
 
     def label(self, t: int) -> str:
-        """Return `14:30` for slot `t`, or `d2 14:30` where the horizon is longer than a day."""
+        """`14:30` for slot `t`, or `d2 14:30` where the horizon is longer than a day."""
         return self.text(self.time(t))
 
     def text(self, when: datetime) -> str:
-        """Return a time as the labels of this horizon write it."""
+        """A time as the labels of this horizon write it."""
         clock = f"{when:%H:%M:%S}" if when.second else f"{when:%H:%M}"
         day = (when.date() - self.start.date()).days + 1
         return f"d{day} {clock}" if self.longer_than_a_day else clock
 
     def span(self, first: datetime, stop: datetime) -> tuple[int, int]:
-        """Return `(first slot, stop slot)` of all slots that `[first, stop)` touches, clipped."""
+        """`(first slot, stop slot)` of all slots that `[first, stop)` touches, clipped."""
         step = self.step_min * _MINUTE
         start_slot = floor((first - self.start) / step + SLOT_TOLERANCE)
         stop_slot = ceil((stop - self.start) / step - SLOT_TOLERANCE)

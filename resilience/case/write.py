@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import json
 import textwrap
-from typing import Any
 
 from resilience.arrays import Floats
 from resilience.case.change import plain
 from resilience.case.cloud import is_reduced
 from resilience.case.data import Case
+from resilience.case.document import TomlTable
 from resilience.case.outages import outage_texts
 from resilience.case.schema import DEVICES
 
 
 def case_text(case: Case) -> str:
-    """Return a case as TOML that loads, from any folder, to an equal case.
+    """A case as TOML that loads, from any folder, to an equal case.
 
     Bases and defaults are resolved, profiles are written out over the horizon, and a network file
     is named by its absolute path.
     """
     import tomli_w
 
-    data: dict[str, Any] = {
+    data: TomlTable = {
         "name": case.name,
         "description": case.description,
         "terminal_value_per_mwh": case.terminal_value_per_mwh,
@@ -40,9 +40,9 @@ def case_text(case: Case) -> str:
     if case.reserve_price_per_mwh is not None:
         data["reserve_price_per_mwh"] = case.reserve_price_per_mwh
     text = tomli_w.dumps({key: value for key, value in data.items() if value != []})
-    made = {grid.tariff_profile for grid in case.grid}
-    made |= {name for name in case.profiles if is_reduced(name)}
-    columns = [_column(name, v) for name, v in case.profiles.items() if name not in made]
+    derived = {grid.tariff_profile for grid in case.grid}
+    derived |= {name for name in case.profiles if is_reduced(name)}
+    columns = [_column(name, v) for name, v in case.profiles.items() if name not in derived]
     return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text
 
 

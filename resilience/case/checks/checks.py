@@ -16,10 +16,9 @@ from resilience.case.tariff import wrong_tariff
 
 
 def check_parts(parts: Parts) -> None:
-    """Check everything that joins two keys or two tables; mistakes go to the document."""
+    """Checks everything that joins two keys or two tables; mistakes go to the document."""
     for kind, device, title in parts.all_devices():
-        for key, *rest in broken_rules(kind, device):
-            parts.document.add((kind, str(device.name), key), title, key, *rest)
+        parts.document.add_findings((kind, str(device.name)), title, broken_rules(kind, device))
     _check_names(parts)
     _check_prices(parts)
     _check_forming(parts)
@@ -40,52 +39,51 @@ def _check_names(parts: Parts) -> None:
     for name, places in users.items():
         if len(places) > 1:
             kind, title = places[-1]
-            found = f"{show(name)}, used by " + " and ".join(t for _, t in places)
+            value = f"{show(name)}, used by " + " and ".join(t for _, t in places)
             hint = "rename all but one; results are keyed by name"
-            parts.document.add((kind, name), title, "name", found, "names used once", hint)
-    seen = set()
+            parts.document.add((kind, name), title, "name", value, "names used once", hint)
+    line_names = set()
     for line, title in parts.lines:
-        if line.name in seen:
+        if line.name in line_names:
             hint = "put all keys of a line into one [[line]] table"
             parts.document.add(("line", line.name), title, "name", "a second table", "one", hint)
-        seen.add(line.name)
+        line_names.add(line.name)
 
 
 def _check_prices(parts: Parts) -> None:
-    """Check tariffs, and that imports have a price at all."""
+    """Checks tariffs, and that imports have a price at all."""
     for grid, title in parts.devices.get("grid", []):
         name = str(grid.name)
-        raw = _given(parts, "grid", name)
-        for key, *rest in wrong_tariff(grid.tariff or ()) if grid.tariff is not None else ():
-            parts.document.add(("grid", name, "tariff"), title, key, *rest)
-        if raw.isdisjoint(("tariff", "import_cost_per_mwh")):
+        keys = _keys_in_file(parts, "grid", name)
+        for key, value, allowed, hint in () if grid.tariff is None else wrong_tariff(grid.tariff):
+            parts.document.add(("grid", name, "tariff"), title, key, value, allowed, hint)
+        if keys.isdisjoint(("tariff", "import_cost_per_mwh")):
             key, hint = "import_cost_per_mwh", "add import_cost_per_mwh = ..., or tariff = ..."
             parts.document.add(("grid", name, key), title, key, "nothing", "a value", hint)
-        if grid.export_tariff_factor is not None and "tariff" not in raw:
-            key, found = "export_tariff_factor", f"{grid.export_tariff_factor:g}"
+        if grid.export_tariff_factor is not None and "tariff" not in keys:
+            key, value = "export_tariff_factor", f"{grid.export_tariff_factor:g}"
             hint = "add tariff = ..., or set export_cost_per_mwh in its place"
             where = ("grid", name, key)
-            parts.document.add(where, title, key, found, "a multiple of a tariff", hint)
+            parts.document.add(where, title, key, value, "a multiple of a tariff", hint)
 
 
-def _given(parts: Parts, kind: str, name: str) -> set[str]:
-    """Return the keys that a device has in the file, its defaults included."""
-    data = parts.document.data
-    defaults, entries = data.get("defaults", {}), data.get(kind, [])
-    own = [e for e in entries if isinstance(e, dict) and entry_name(kind, e) == name]
-    return set().union(defaults.get(kind, {}) if isinstance(defaults, dict) else (), *own)
+def _keys_in_file(parts: Parts, kind: str, name: str) -> set[str]:
+    """The keys that a device has in the file, its defaults included."""
+    document = parts.document
+    entries = [entry for entry in document.entries(kind) if entry_name(kind, entry) == name]
+    return set().union(document.defaults(kind), *entries)
 
 
 def _check_forming(parts: Parts) -> None:
     units = [d for kind in ("grid", "ess", "generator") for d, _ in parts.devices.get(kind, [])]
     if not any(d.grid_forming is not False for d in units):
-        found = (
+        value = (
             f"false for all {len(units)} units"
             if units
             else "no [[grid]], [[ess]] or [[generator]]"
         )
         hint = "without a grid-forming unit every bus is dead; add one"
-        parts.document.add((), "", "grid_forming", found, "true for at least one unit", hint)
+        parts.document.add((), "", "grid_forming", value, "true for at least one unit", hint)
 
 
 def _check_lines(parts: Parts, network: Network) -> None:
@@ -97,8 +95,8 @@ def _check_lines(parts: Parts, network: Network) -> None:
 
 def _check_buses(parts: Parts, network: Network) -> None:
     for kind, device, title in parts.all_devices():
-        known = network.has_bus(device.bus) or device.bus in parts.inline.bus_names
-        if device.bus and not known:
+        exists = network.has_bus(device.bus) or device.bus in parts.inline.bus_names
+        if device.bus and not exists:
             where, hint = (kind, str(device.name), "bus"), network.bus_hint(device.bus)
             parts.document.add(where, title, "bus", show(device.bus), "a bus of the network", hint)
 
@@ -107,9 +105,9 @@ def _check_voltages(parts: Parts, network: Network) -> None:
     wrong = np.flatnonzero(network.v_min_pu > network.v_max_pu)
     if wrong.size:
         i = int(wrong[0])
-        found = f"{network.v_min_pu[i]:g} at bus {network.bus_names[i]}"
+        value = f"{network.v_min_pu[i]:g} at bus {network.bus_names[i]}"
         allowed, hint = f"at most v_max_pu = {network.v_max_pu[i]:g}", "swap the two limits"
-        parts.document.add(("network", "v_min_pu"), "[network]", "v_min_pu", found, allowed, hint)
+        parts.document.add(("network", "v_min_pu"), "[network]", "v_min_pu", value, allowed, hint)
     for grid, title in parts.devices.get("grid", []):
         if grid.v_pu is None or not grid.bus or not network.has_bus(grid.bus):
             continue
@@ -122,7 +120,7 @@ def _check_voltages(parts: Parts, network: Network) -> None:
 
 
 def _check_connected(parts: Parts, network: Network) -> None:
-    """Refuse parts that no usable line joins to the largest one and that have no [[grid]]."""
+    """Refuses parts that no usable line joins to the largest one and that have no [[grid]]."""
     grids = {
         network.bus(g.bus)
         for g, _ in parts.devices.get("grid", [])
@@ -133,14 +131,14 @@ def _check_connected(parts: Parts, network: Network) -> None:
         count = sum(map(len, islands))
         names = [network.bus_names[i] for island in islands for i in island]
         few = ", ".join(names[:5]) + (", ..." if count > 5 else "")
-        found = f"{count} of {len(network.bus_names)} buses cut off: {few}"
+        value = f"{count} of {len(network.bus_names)} buses cut off: {few}"
         allowed = "one connected network, switchable lines closed, or a [[grid]] in every part"
         hint = "add the missing line, or set in_service or switchable on one"
-        parts.document.add(("network",), "[network]", "", found, allowed, hint)
+        parts.document.add(("network",), "[network]", "", value, allowed, hint)
 
 
 def cut_off(network: Network) -> list[list[int]]:
-    """Return the parts without a path to the largest one, every usable line closed."""
+    """Parts without a path to the largest one, every usable line closed; positions of buses."""
     neighbours: list[list[int]] = [[] for _ in network.bus_names]
     usable = network.in_service | network.switchable
     for a, b in zip(
@@ -148,14 +146,14 @@ def cut_off(network: Network) -> list[list[int]]:
     ):
         neighbours[a].append(b)
         neighbours[b].append(a)
-    left = set(range(len(network.bus_names)))
+    unreached = set(range(len(network.bus_names)))
     parts = []
-    while left:
-        found = [min(left)]
-        left.discard(found[0])
-        for bus in found:
-            new = left.intersection(neighbours[bus])
-            left -= new
-            found.extend(new)
-        parts.append(sorted(found))
+    while unreached:
+        connected = [min(unreached)]
+        unreached.discard(connected[0])
+        for bus in connected:  # grows while it is walked through
+            new = unreached.intersection(neighbours[bus])
+            unreached -= new
+            connected.extend(new)
+        parts.append(sorted(connected))
     return sorted(parts, key=len, reverse=True)[1:]

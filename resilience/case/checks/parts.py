@@ -1,4 +1,4 @@
-"""The parts of a case under construction."""
+"""A case under construction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,16 @@ from resilience.case.window import Window
 class Parts:
     """What has been read of a case; what could not be is `None`, or `None` inside a table.
 
-    Tables stand with their titles in messages: `[[ess]] ess2`.
+    Attributes:
+        document: the case file.
+        window: the horizon.
+        network: the network, once it is read.
+        inline: what the file itself says of the network.
+        lines: `[[line]]` tables with their titles in messages.
+        places: (x, y) of buses by name.
+        geography: the table `[geography]`.
+        storm: the table `[storm]`.
+        devices: by kind, tables with their titles in messages: `[[ess]] ess2`.
     """
 
     document: Document
@@ -31,7 +40,7 @@ class Parts:
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)
 
     def all_devices(self) -> Iterator[tuple[str, Any, str]]:
-        """Yield `(kind, table, title)` of every device."""
+        """`(kind, table, title)` of every device."""
         for kind, entries in self.devices.items():
             for table, title in entries:
                 yield kind, table, title

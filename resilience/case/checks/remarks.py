@@ -11,14 +11,14 @@ def remarks(case: Case) -> list[str]:
 
 
 def _without_reactive_power(case: Case) -> list[str]:
-    """Names units that can carry an island alone, but not the reactive power of its loads."""
+    """A remark on units that can carry an island alone, but not the reactive power of its loads."""
     if all(load.power_factor == 1.0 for load in case.load):
         return []
     storage = [f"[[ess]] {t.name}" for t in case.ess if t.grid_forming and t.s_mva is None]
     units = [
         f"[[generator]] {t.name}" for t in case.generator if t.grid_forming and t.q_max_mvar <= 0.0
     ]
-    keys = [key for key, found in (("s_mva", storage), ("q_max_mvar", units)) if found]
+    keys = [key for key, names in (("s_mva", storage), ("q_max_mvar", units)) if names]
     if not keys:
         return []
     return [

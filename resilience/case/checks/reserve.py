@@ -11,7 +11,7 @@ from resilience.case.schema import GeneratorTable, HeadTable, LoadTable
 def reserve_price_range(
     generators: Iterable[GeneratorTable], loads: Iterable[LoadTable]
 ) -> tuple[float, float]:
-    """Return the marginal cost of the dearest generator and the price of the cheapest shedding.
+    """The marginal cost of the dearest generator and the price of the cheapest shedding, $/MWh.
 
     At a price below the first, a reserve is never built from a generator; above the second, load is
     shed to keep it.
@@ -22,7 +22,7 @@ def reserve_price_range(
 
 
 def check_reserve(parts: Parts, head: HeadTable) -> None:
-    """Note a reserve price that lies outside its range; devices must be sound."""
+    """Notes a reserve price that lies outside its range; devices must be sound."""
     price = head.reserve_price_per_mwh
     if price is None:
         return

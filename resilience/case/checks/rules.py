@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from resilience.case.document import Finding
+from resilience.case.schema import DeviceTable, ESSTable, GeneratorTable
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.tolerances import INPUT_TOLERANCE
 
-_HOURS = (0.02, 200.0)
-
-Finding = tuple[str, str, str, str]
-"""`(key, value, allowed, hint)`."""
+_MIN_HOURS, _MAX_HOURS = 0.02, 200.0
+"""Of storage at full power; beyond either, energy and power are not in one unit."""
 
 
 @dataclass(frozen=True)
 class KeyRule:
-    """One fact about a kind of device, checked where all the keys it `needs` are known.
+    """One fact about a kind of device.
 
-    The first of them is the key that a message names.
+    Attributes:
+        kind: of the device.
+        needs: keys without which it is not checked; a message names the first of them.
+        broken: whether a device breaks it.
+        allowed: what may stand there, with the values of the keys in braces.
+        hint: what to do about it.
     """
 
     kind: str
@@ -30,32 +35,33 @@ class KeyRule:
     hint: str
 
 
-def _outside_band(d: Any) -> bool:
-    inside = d.soc_min - INPUT_TOLERANCE <= d.soc_initial <= d.soc_max + INPUT_TOLERANCE
-    return bool(d.soc_min <= d.soc_max and not inside)
+def _outside_band(unit: ESSTable) -> bool:
+    inside = unit.soc_min - INPUT_TOLERANCE <= unit.soc_initial <= unit.soc_max + INPUT_TOLERANCE
+    return unit.soc_min <= unit.soc_max and not inside
 
 
-def _strange_duration(d: Any) -> bool:
-    return bool(d.p_max_mw > 0 and not _HOURS[0] <= d.e_mwh / d.p_max_mw <= _HOURS[1])
+def _strange_duration(unit: ESSTable) -> bool:
+    return unit.p_max_mw > 0 and not _MIN_HOURS <= unit.e_mwh / unit.p_max_mw <= _MAX_HOURS
 
 
-def _bad_curve(d: Any) -> bool:
-    p = [point[0] for point in d.cost_curve]
-    if len(p) < 2 or any(b <= a for a, b in pairwise(p)):
+def _bad_curve(unit: GeneratorTable) -> bool:
+    p_mw = [point[0] for point in unit.cost_curve or ()]
+    if len(p_mw) < 2 or any(later <= earlier for earlier, later in pairwise(p_mw)):
         return True
-    return bool(p[0] > d.p_min_mw + INPUT_TOLERANCE or p[-1] < d.p_max_mw - INPUT_TOLERANCE)
+    low, high = unit.p_min_mw + INPUT_TOLERANCE, unit.p_max_mw - INPUT_TOLERANCE
+    return p_mw[0] > low or p_mw[-1] < high
 
 
-def _ramped_start_below_minimum(d: Any) -> bool:
-    ramped = d.ramp_up_mw_per_h is not None or d.ramp_down_mw_per_h is not None
-    return bool(ramped and d.initial_on and d.p_initial_mw < d.p_min_mw - INPUT_TOLERANCE)
+def _ramped_start_below_minimum(unit: GeneratorTable) -> bool:
+    ramped = unit.ramp_up_mw_per_h is not None or unit.ramp_down_mw_per_h is not None
+    return ramped and unit.initial_on and unit.p_initial_mw < unit.p_min_mw - INPUT_TOLERANCE
 
 
 RULES = (
     KeyRule(
         "ess",
         ("soc_min", "soc_max"),
-        lambda d: d.soc_min > d.soc_max,
+        lambda unit: unit.soc_min > unit.soc_max,
         "at most soc_max = {soc_max:g}",
         "swap the two limits, or lower soc_min",
     ),
@@ -70,20 +76,20 @@ RULES = (
         "ess",
         ("e_mwh", "p_max_mw"),
         _strange_duration,
-        f"{_HOURS[0]:g} h to {_HOURS[1]:g} h at p_max_mw = {{p_max_mw:g}}",
+        f"{_MIN_HOURS:g} h to {_MAX_HOURS:g} h at p_max_mw = {{p_max_mw:g}}",
         "one of e_mwh and p_max_mw is probably in kWh or kW",
     ),
     KeyRule(
         "generator",
         ("p_min_mw", "p_max_mw"),
-        lambda d: d.p_min_mw > d.p_max_mw,
+        lambda unit: unit.p_min_mw > unit.p_max_mw,
         "at most p_max_mw = {p_max_mw:g}",
         "swap the two limits, or lower p_min_mw",
     ),
     KeyRule(
         "generator",
         ("q_min_mvar", "q_max_mvar"),
-        lambda d: d.q_min_mvar > d.q_max_mvar,
+        lambda unit: unit.q_min_mvar > unit.q_max_mvar,
         "at most q_max_mvar = {q_max_mvar:g}",
         "swap the two limits",
     ),
@@ -97,14 +103,14 @@ RULES = (
     KeyRule(
         "generator",
         ("p_initial_mw", "p_max_mw"),
-        lambda d: d.p_initial_mw > d.p_max_mw,
+        lambda unit: unit.p_initial_mw > unit.p_max_mw,
         "at most p_max_mw = {p_max_mw:g}",
         "lower p_initial_mw",
     ),
     KeyRule(
         "generator",
         ("p_initial_mw", "initial_on"),
-        lambda d: d.p_initial_mw > 0 and not d.initial_on,
+        lambda unit: unit.p_initial_mw > 0 and not unit.initial_on,
         "0 while initial_on = false",
         "set initial_on = true, or p_initial_mw = 0",
     ),
@@ -118,14 +124,14 @@ RULES = (
 )
 
 
-def broken_rules(kind: str, device: Any) -> Iterator[Finding]:
-    """Yield what is wrong within one device table."""
+def broken_rules(kind: str, device: DeviceTable) -> Iterator[Finding]:
+    """What is wrong within one device table."""
     for rule in RULES:
-        values = {key: getattr(device, key, None) for key in rule.needs}
+        values: dict[str, Any] = {key: getattr(device, key, None) for key in rule.needs}
         if rule.kind == kind and None not in values.values() and rule.broken(device):
             key, value = next(iter(values.items()))
-            found = f"{value:g}" if isinstance(value, float | int) else _curve_text(value)
-            yield key, found, rule.allowed.format(**values), rule.hint
+            text = f"{value:g}" if isinstance(value, float | int) else _curve_text(value)
+            yield key, text, rule.allowed.format(**values), rule.hint
     for key in type(device).model_fields:
         price = getattr(device, key)
         if key.endswith("_per_mwh") and price is not None and abs(price) > MAX_PRICE_PER_MWH:
@@ -133,5 +139,5 @@ def broken_rules(kind: str, device: Any) -> Iterator[Finding]:
             yield key, f"{price:g}", allowed, "prices are per MWh, not per kWh or per MW of a year"
 
 
-def _curve_text(curve: Any) -> str:
+def _curve_text(curve: Sequence[tuple[float, float]]) -> str:
     return "p_mw = " + ", ".join(f"{point[0]:g}" for point in curve)

@@ -10,13 +10,11 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.checks.parts import Parts
+from resilience.case.document import Finding
 from resilience.case.reading import show
 from resilience.case.schema import StormTable
 from resilience.earth.averaging import KNOT_MPS, NAMELESS
 from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
-
-Finding = tuple[str, str, str, str]
-"""`(key, value, allowed, hint)`."""
 
 _LIMITS = (
     (1, "latitude", -90.0, 90.0, "degrees north come after the time"),
@@ -27,18 +25,17 @@ _LIMITS = (
 
 
 def check_storm(parts: Parts) -> None:
-    """Note what is wrong with `[storm]`."""
+    """Notes what is wrong with `[storm]`."""
     storm = parts.storm
     if storm is None:
         return
-    for key, *rest in findings(storm):
-        parts.document.add(("storm", key), "[storm]", key, *rest)
+    parts.document.add_findings(("storm",), "[storm]", storm_findings(storm))
     _check_day(parts, storm)
     _check_priority(parts, storm)
 
 
-def findings(storm: StormTable) -> Iterator[Finding]:
-    """Yield what is wrong with the points of a storm, and with what they mean."""
+def storm_findings(storm: StormTable) -> Iterator[Finding]:
+    """What is wrong with the points of a storm, and with what they mean."""
     points = storm.points or ()
     if not points:
         return
@@ -46,17 +43,17 @@ def findings(storm: StormTable) -> Iterator[Finding]:
         hint = "NHC and JTWC average over 60 s, CMA over 120, JMA and most others over 600"
         yield "averaging_s", "nothing", "the seconds over which vmax is averaged", hint
     elif storm.averaging_s not in NAMELESS:
-        found, allowed = f"{storm.averaging_s:g}", ", ".join(f"{s:g}" for s in NAMELESS)
-        yield "averaging_s", found, allowed, "seconds, not minutes"
+        allowed = ", ".join(f"{s:g}" for s in NAMELESS)
+        yield "averaging_s", f"{storm.averaging_s:g}", allowed, "seconds, not minutes"
     if len(points) < 2:
         yield "points", f"{len(points)} point", "2 or more", "a track goes from point to point"
     yield from _times(storm)
     for number, point in enumerate(points, start=1):
-        for k, what, low, high, hint in _LIMITS:
+        for k, quantity, low, high, hint in _LIMITS:
             value = float(point[k])  # type: ignore[arg-type]
             if not math.isnan(value) and not low <= value <= high:
                 key = f"points[{number}][{k + 1}]"
-                yield key, f"{what} {value:g}", f"{low:g} to {high:g}", hint
+                yield key, f"{quantity} {value:g}", f"{low:g} to {high:g}", hint
     if all(math.isnan(point[3]) and math.isnan(point[4]) for point in points):
         allowed = "one of them, in one point at least"
         hint = "one is regressed from the other, points with neither are filled in time"
@@ -72,10 +69,10 @@ def _times(storm: StormTable) -> Iterator[Finding]:
             hint = "points are in local time, utc_offset_h says how far from UTC"
             yield f"points[{number}][1]", show(time), "a time without offset", hint
             return
-    for number, (one, other) in enumerate(pairwise(times), start=2):
-        if other <= one:
-            found = f"{show(other)} after {show(one)}"
-            yield f"points[{number}][1]", found, "a later time than the point before", "sort them"
+    for number, (earlier, later) in enumerate(pairwise(times), start=2):
+        if later <= earlier:
+            value = f"{show(later)} after {show(earlier)}"
+            yield f"points[{number}][1]", value, "a later time than the point before", "sort them"
 
 
 def _leaps(storm: StormTable) -> Iterator[Finding]:
@@ -101,15 +98,15 @@ def _in_knots(storm: StormTable) -> Iterator[Finding]:
 
 
 def _columns(storm: StormTable) -> Floats:
-    """Return latitudes, longitudes, pressures and winds, (4, n); a place off the earth is NaN."""
-    columns: Floats = np.array([point[1:] for point in storm.points], float).T
+    """Latitudes, longitudes, pressures and winds, (4, n); a place off the earth is NaN."""
+    columns = np.array([point[1:] for point in storm.points], float).T
     for k, _, low, high, _ in _LIMITS[:2]:
         columns[k - 1][~((columns[k - 1] >= low) & (columns[k - 1] <= high))] = np.nan
     return columns
 
 
 def _check_priority(parts: Parts, storm: StormTable) -> None:
-    """Note lines that crews should prefer and that are not there."""
+    """Notes lines that crews should prefer and that are not there."""
     network = parts.network
     if network is None or storm.repair is None:
         return
@@ -121,17 +118,17 @@ def _check_priority(parts: Parts, storm: StormTable) -> None:
 
 
 def _check_day(parts: Parts, storm: StormTable) -> None:
-    """Note half a date, and a storm that is over before the horizon or begins after it."""
-    for key, other in (("day", "laid_on"), ("laid_on", "day")):
-        if getattr(storm, key) is None and getattr(storm, other) is not None:
-            hint = f"{other} needs it: the storm's `day` stands on the horizon's `laid_on`"
+    """Notes half a date, and a storm that is over before the horizon or begins after it."""
+    for key, partner in (("day", "laid_on"), ("laid_on", "day")):
+        if getattr(storm, key) is None and getattr(storm, partner) is not None:
+            hint = f"{partner} needs it: the storm's `day` stands on the horizon's `laid_on`"
             parts.document.add(("storm", key), "[storm]", key, "nothing", "a date", hint)
             return
     if not storm.points or parts.window is None or any(p[0].tzinfo for p in storm.points):
         return
     first, last = (storm.on_horizon(storm.points[k][0]) for k in (0, -1))
     if last <= parts.window.start or first >= parts.window.stop:
-        found = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} on the horizon's calendar"
+        value = f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} on the horizon's calendar"
         hint = "day and laid_on move the storm by whole days"
         allowed = f"times within the horizon, {parts.window}"
-        parts.document.add(("storm", "points"), "[storm]", "points", found, allowed, hint)
+        parts.document.add(("storm", "points"), "[storm]", "points", value, allowed, hint)

@@ -11,12 +11,33 @@ from resilience.case.networks.network import Network
 
 
 class FeederError(Exception):
-    """A network that cannot be read: `(key, value, allowed, hint)`."""
+    """A network that cannot be read.
+
+    Args:
+        key: of `[network]`.
+        value: what stands there.
+        allowed: what may stand there.
+        hint: what to do about it.
+    """
+
+    def __init__(self, key: str, value: str, allowed: str, hint: str) -> None:
+        super().__init__(key, value, allowed, hint)
+        self.finding = (key, value, allowed, hint)
 
 
 @dataclass(frozen=True)
 class Branch:
-    """One line or transformer on its way into a network; impedances in pu on 1 MVA."""
+    """One line or transformer on its way into a network.
+
+    Attributes:
+        from_bus: name of the bus at one end.
+        to_bus: name of the bus at the other.
+        r_pu: resistance, pu on 1 MVA.
+        x_pu: reactance, pu on 1 MVA.
+        rating_mva: of apparent power.
+        in_service: False where it exists and is out of use.
+        name: the source's; empty where it has none that tells anything.
+    """
 
     from_bus: str
     to_bus: str
@@ -29,7 +50,15 @@ class Branch:
 
 @dataclass(frozen=True)
 class SourceDevice:
-    """A load, generator or grid connection that a network file brings along; MW and Mvar."""
+    """A load, generator or grid connection that a network file brings along.
+
+    Attributes:
+        name: the source's, or one made from its kind and number.
+        bus: name of its bus.
+        p_mw: consumption of a load; most that anything else gives.
+        q_mvar: consumption of a load.
+        v_pu: voltage that a generator or grid connection holds.
+    """
 
     name: str
     bus: str
@@ -42,8 +71,16 @@ class SourceDevice:
 class Feeder:
     """A network as its source has it, with the devices the source knows.
 
-    Voltage limits are not taken from the source; the case sets them. `places` holds the (x, y) of
-    buses, whatever the source means by them: degrees of longitude and latitude, or a drawing.
+    Voltage limits are not taken from the source; the case sets them.
+
+    Attributes:
+        network: its buses and branches.
+        load: its loads.
+        static: generators without voltage control, PV mostly.
+        generator: generators that hold a voltage.
+        grid: connections to a grid.
+        places: (x, y) of buses by name, whatever the source means by them: degrees of longitude
+            and latitude, or a drawing.
     """
 
     network: Network
@@ -59,10 +96,16 @@ def make_network(
     branches: Sequence[Branch],
     aliases: dict[str, str] | None = None,
 ) -> Network:
-    """Assemble a network from `(bus name, vn_kv)` pairs and branches that name their buses."""
+    """A network of buses and branches.
+
+    Args:
+        buses: name and nominal voltage in kV of every bus.
+        branches: lines and transformers, which name their buses.
+        aliases: further names of buses.
+    """
     index = {name: i for i, (name, _) in enumerate(buses)}
     index |= {alias: index[name] for alias, name in (aliases or {}).items()}
-    count, closed = len(branches), np.zeros(len(branches), dtype=np.bool_)
+    count, fixed = len(branches), np.zeros(len(branches), dtype=np.bool_)
     return Network(
         bus_names=tuple(name for name, _ in buses),
         vn_kv=np.array([vn for _, vn in buses], dtype=np.float64),
@@ -75,18 +118,18 @@ def make_network(
         x_pu=np.array([b.x_pu for b in branches], dtype=np.float64),
         rating_mva=np.array([b.rating_mva for b in branches], dtype=np.float64),
         in_service=np.array([b.in_service for b in branches], dtype=np.bool_),
-        switchable=closed,
+        switchable=fixed,
         switching_cost=np.zeros(count),
-        breakpoint=closed.copy(),
+        breakpoint=fixed.copy(),
         aliases=dict(aliases or {}),
     )
 
 
 def unique_names(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names with `#2`, `#3`, ... after repeated ones, as parallel lines have."""
-    seen: dict[str, int] = {}
-    out = []
+    """The names with `#2`, `#3`, ... after repeated ones, as parallel lines have."""
+    count: dict[str, int] = {}
+    numbered = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        out.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-    return tuple(out)
+        count[name] = count.get(name, 0) + 1
+        numbered.append(name if count[name] == 1 else f"{name}#{count[name]}")
+    return tuple(numbered)

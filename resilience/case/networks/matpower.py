@@ -11,10 +11,9 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -49,7 +48,7 @@ _FUNCTIONS = {
     "acos": math.acos,
     "tan": math.tan,
 }
-_OPERATORS: dict[type[ast.operator], Any] = {
+_OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -58,12 +57,16 @@ _OPERATORS: dict[type[ast.operator], Any] = {
 }
 _CELL = re.compile(r"mpc\.(bus|branch|gen)\((\d+),\s*(\w+)\)")
 _COLUMN = re.compile(
-    r"mpc\.(?P<table>\w+)\(:,(?P<to>[^()]+)\)=mpc\.(?P=table)\(:,(?P<of>[^()]+)\)(?P<by>[*/].+)"
+    r"mpc\.(?P<table>\w+)\(:,(?P<target>[^()]+)\)=mpc\.(?P=table)\(:,(?P<source>[^()]+)\)(?P<by>[*/].+)"
 )
 
 
 def feeder_from_matpower(path: Path) -> Feeder:
-    """Return the network of a MATPOWER case file, with its loads and generators."""
+    """The network of a MATPOWER case file, with its loads and generators.
+
+    Raises:
+        FeederError: it is no such file, or holds statements that are not understood.
+    """
     try:
         tables = _read(path.read_text(encoding="utf-8", errors="replace"))
         return _feeder(tables)
@@ -75,7 +78,7 @@ def feeder_from_matpower(path: Path) -> Feeder:
 
 
 def _statements(text: str) -> Iterator[str]:
-    """Yield statements without comments and continuation marks; matrices stay in one piece."""
+    """Statements without comments and continuation marks; matrices stay in one piece."""
     lines = (re.sub(r"%.*", "", re.sub(r"'[^'\n]*'", "''", line)) for line in text.splitlines())
     joined = re.sub(r"\.\.\.[^\n]*\n", " ", "\n".join(lines))
     for match in re.finditer(r"[^;\n\[{]*(?:(?:\[[^\]]*\]|\{[^}]*\})[^;\n\[{]*)*", joined):
@@ -84,16 +87,18 @@ def _statements(text: str) -> Iterator[str]:
             yield statement
 
 
-def _read(text: str) -> dict[str, Any]:
-    tables: dict[str, Any] = {}
+def _read(text: str) -> dict[str, Floats]:
+    """The tables `bus`, `branch` and `gen`, as rows of numbers, and `baseMVA`, of no dimension."""
+    tables: dict[str, Floats] = {}
     scalars: dict[str, float] = {}
     for statement in _statements(text):
-        target, _, value = (part.strip() for part in statement.partition("="))
+        target, _, value = (text.strip() for text in statement.partition("="))
         matrix = re.fullmatch(r"mpc\.(bus|branch|gen)", target)
         if matrix:
             tables[matrix[1]] = _matrix(value)
         elif target == "mpc.baseMVA":
-            tables["baseMVA"] = scalars["mpc_baseMVA"] = _number(value, scalars)
+            scalars["mpc_baseMVA"] = _number(value, scalars)
+            tables["baseMVA"] = np.array(scalars["mpc_baseMVA"])
         elif re.match(r"mpc\.(bus|branch|gen)\b", target):
             _convert(re.sub(r"\s*([=*/(),:])\s*", r"\1", statement), tables, scalars)
         elif re.fullmatch(r"[A-Za-z]\w*", target) and value:
@@ -109,8 +114,8 @@ def _matrix(text: str) -> Floats:
     return np.array([[_number(cell, {}) for cell in row] for row in rows if row != [""]])
 
 
-def _fill(text: str, tables: dict[str, Any]) -> str:
-    """Put the numbers of single cells, as in `mpc.bus(1, BASE_KV)`, into an expression."""
+def _fill(text: str, tables: dict[str, Floats]) -> str:
+    """An expression with numbers in place of single cells, as in `mpc.bus(1, BASE_KV)`."""
 
     def cell(match: re.Match[str]) -> str:
         table, row, column = match.groups()
@@ -123,27 +128,27 @@ def _column(table: str, name: str) -> int:
     return int(name) - 1 if name.isdigit() else _COLUMNS[table][name]
 
 
-def _convert(statement: str, tables: dict[str, Any], scalars: dict[str, float]) -> None:
-    """Carry out `mpc.T(:, columns) = mpc.T(:, columns) * number`, or `/ number`."""
+def _convert(statement: str, tables: dict[str, Floats], scalars: dict[str, float]) -> None:
+    """Carries out `mpc.T(:, columns) = mpc.T(:, columns) * number`, or `/ number`."""
     match = _COLUMN.fullmatch(statement)
     if match is None or match["table"] not in tables:
         raise ValueError(f"statement not understood: {statement}")
     table = tables[match["table"]]
-    to, of = (
+    target, source = (
         [_column(match["table"], name) for name in re.findall(r"\w+", match[side])]
-        for side in ("to", "of")
+        for side in ("target", "source")
     )
-    table[:, to] = table[:, of] * _factor(match["by"], scalars)
+    table[:, target] = table[:, source] * _factor(match["by"], scalars)
 
 
 def _factor(text: str, scalars: dict[str, float]) -> float:
-    """Return the factor that `* a / b ...` amounts to; a sum is refused."""
-    whole = node = ast.parse(f"1{text}".replace("^", "**"), mode="eval").body
+    """The factor that `* a / b ...` amounts to; a sum is refused."""
+    product = node = ast.parse(f"1{text}".replace("^", "**"), mode="eval").body
     while isinstance(node, ast.BinOp):
         if not isinstance(node.op, ast.Mult | ast.Div):
             raise ValueError(f"expression not understood: {text}")
         node = node.left
-    return _value(whole, scalars)
+    return _value(product, scalars)
 
 
 def _number(text: str, scalars: dict[str, float]) -> float:
@@ -161,14 +166,14 @@ def _value(node: ast.expr, scalars: dict[str, float]) -> float:
             return scalars[name]
         case ast.UnaryOp(op=ast.USub(), operand=inner):
             return -_value(inner, scalars)
-        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
-            return float(_OPERATORS[type(op)](_value(left, scalars), _value(right, scalars)))
+        case ast.BinOp(left=first, op=op, right=second) if type(op) in _OPERATORS:
+            return float(_OPERATORS[type(op)](_value(first, scalars), _value(second, scalars)))
         case ast.Call(func=ast.Name(id=name), args=[inner]) if name in _FUNCTIONS:
             return _FUNCTIONS[name](_value(inner, scalars))
     raise ValueError(f"expression not understood: {ast.unparse(node)}")
 
 
-def _feeder(tables: dict[str, Any]) -> Feeder:
+def _feeder(tables: dict[str, Floats]) -> Feeder:
     base_mva, bus = float(tables["baseMVA"]), tables["bus"]
     bus = bus[bus[:, 1] != _ISOLATED]
     names = {int(row[0]): str(int(row[0])) for row in bus}
@@ -179,11 +184,11 @@ def _feeder(tables: dict[str, Any]) -> Feeder:
         )
     branches = []
     for row in tables["branch"]:
-        a, b = names.get(int(row[0])), names.get(int(row[1]))
-        if a is not None and b is not None:
+        start, end = names.get(int(row[0])), names.get(int(row[1]))
+        if start is not None and end is not None:
             rating = float(row[5]) or math.inf
             r_pu, x_pu = float(row[2]) / base_mva, float(row[3]) / base_mva
-            branches.append(Branch(a, b, r_pu, x_pu, rating, bool(row[10] > 0)))
+            branches.append(Branch(start, end, r_pu, x_pu, rating, bool(row[10] > 0)))
     load = [
         SourceDevice(f"load{names[int(row[0])]}", names[int(row[0])], float(row[2]), float(row[3]))
         for row in bus

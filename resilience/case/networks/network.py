@@ -12,27 +12,39 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 
 
-def did_you_mean(name: str, known: Iterable[str], *, shown: int = 8) -> str:
-    """Return a hint that offers the nearest known names, or else the first few."""
-    names = list(known)
+def did_you_mean(name: str, allowed: Iterable[str], *, max_listed: int = 8) -> str:
+    """A hint that offers the nearest allowed names, or else the first few."""
+    names = list(allowed)
     folded = {n.casefold(): n for n in names}
     close = difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
     if close:
         return "did you mean " + " or ".join(folded[c] for c in close) + "?"
     if not names:
         return "there are none"
-    more = f", ... ({len(names)} in all)" if len(names) > shown else ""
-    return "known are " + ", ".join(names[:shown]) + more
+    more = f", ... ({len(names)} in all)" if len(names) > max_listed else ""
+    return "known are " + ", ".join(names[:max_listed]) + more
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
     """Buses and branches (lines and two-winding transformers) of one feeder.
 
-    Arrays have shape `(nb,)` for buses and `(nl,)` for branches. `vn_kv` is in kV, voltage limits
-    in per unit of it, `r_pu` and `x_pu` in per unit on 1 MVA (the impedance scale of the case is
-    already in them), `rating_mva` in MVA with `inf` for none, `switching_cost` in $ per action.
-    `aliases` maps the names of buses that a closed switch fuses to the one that stands for them.
+    Attributes:
+        bus_names: of the buses, in the order of all arrays (buses,).
+        vn_kv: (buses,) nominal voltage, kV.
+        v_min_pu: (buses,) lower limit of the voltage, pu of `vn_kv`.
+        v_max_pu: (buses,) upper limit of the voltage, pu of `vn_kv`.
+        line_names: of the branches, in the order of all arrays (lines,).
+        from_bus: (lines,) position of the bus at one end.
+        to_bus: (lines,) position of the bus at the other.
+        r_pu: (lines,) resistance, pu on 1 MVA; the impedance scale of the case is already in it.
+        x_pu: (lines,) reactance, likewise.
+        rating_mva: (lines,) limit of apparent power, MVA; inf for none.
+        in_service: (lines,) whether the line is closed at first.
+        switchable: (lines,) whether it can be opened and closed.
+        switching_cost: (lines,) $ per action.
+        breakpoint: (lines,) whether it can fail.
+        aliases: names of buses that a closed switch fuses to the one that stands for them.
     """
 
     bus_names: tuple[str, ...]
@@ -65,38 +77,46 @@ class Network:
                 value.setflags(write=False)
 
     def bus(self, name: str) -> int:
-        """Return the position of a bus. Raises `UsageError` for a name the network lacks."""
+        """The position of a bus.
+
+        Raises:
+            UsageError: the network has no bus of this name.
+        """
         if name not in self._bus_index:
             raise UsageError(f"bus {name!r} is not in the network", self.bus_hint(name))
         return self._bus_index[name]
 
     def line(self, name: str) -> int:
-        """Return the position of a line. Raises `UsageError` for a name the network lacks."""
+        """The position of a line.
+
+        Raises:
+            UsageError: the network has no line of this name.
+        """
         if name not in self._line_index:
             raise UsageError(f"line {name!r} is not in the network", self.line_hint(name))
         return self._line_index[name]
 
     def has_bus(self, name: str) -> bool:
-        """Say whether a bus, or a bus fused into another, has this name."""
+        """Whether a bus, or a bus fused into another, has this name."""
         return name in self._bus_index
 
     def has_line(self, name: str) -> bool:
-        """Say whether a line has this name."""
+        """Whether a line has this name."""
         return name in self._line_index
 
     def bus_hint(self, name: str) -> str:
-        """Return what to write instead of an unknown bus name."""
+        """What to write instead of an unknown bus name."""
         return did_you_mean(name, self._bus_index)
 
     def line_hint(self, name: str) -> str:
-        """Return what to write instead of an unknown line name; ends may be swapped."""
+        """What to write instead of an unknown line name; ends may be swapped."""
         swapped = "-".join(reversed(name.split("-")))
         if swapped in self._line_index:
             return f"did you mean {swapped}?"
         return did_you_mean(name, self._line_index)
 
     def equals(self, other: Network) -> bool:
-        """Say whether both networks are the same, number for number."""
+        """Whether both networks are the same, number for number."""
         return all(
             np.array_equal(getattr(self, f.name), getattr(other, f.name))
             if isinstance(getattr(self, f.name), np.ndarray)

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from resilience.case.networks.feeder import (
     Branch,
@@ -28,12 +28,16 @@ from resilience.case.networks.feeder import (
 )
 from resilience.case.networks.network import did_you_mean
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 Row = dict[str, Any]
+"""A row of a table by column, with its `index`; JSON tells no more of its values."""
 Tables = dict[str, list[Row]]
 
 _BRANCHES = ("line", "trafo", "impedance")
 _INJECTIONS = ("load", "asymmetric_load", "sgen", "gen", "ext_grid")
-_KEPT = ("bus", "switch", *_BRANCHES, *_INJECTIONS)
+_READ = ("bus", "switch", *_BRANCHES, *_INJECTIONS)
 _REFUSED = {
     "trafo3w": "three-winding transformer",
     "dcline": "DC line",
@@ -47,7 +51,11 @@ _NO_LIMIT_KA = 9999.0
 
 @cache
 def feeder_by_name(name: str) -> Feeder:
-    """Return a network of `pandapower.networks` that needs no argument."""
+    """A network of `pandapower.networks` that needs no argument.
+
+    Raises:
+        FeederError: there is no such network, or it has devices that a case cannot have.
+    """
     spec = importlib.util.find_spec("pandapower")
     folders = spec.submodule_search_locations if spec else None
     if not folders:
@@ -62,7 +70,11 @@ def feeder_by_name(name: str) -> Feeder:
 
 
 def feeder_from_json(path: Path) -> Feeder:
-    """Return the network of a file written by `pandapower.to_json`."""
+    """The network of a file written by `pandapower.to_json`.
+
+    Raises:
+        FeederError: it is no such file, or has devices that a case cannot have.
+    """
     try:
         return _feeder(_parse(path), "file", path.name)
     except (KeyError, TypeError, ValueError) as error:
@@ -75,7 +87,7 @@ def _parse(path: Path) -> Tables:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         tables = content["_object"]
-        return {name: _rows(tables[name]) for name in (*_KEPT, *_REFUSED) if name in tables}
+        return {name: _rows(tables[name]) for name in (*_READ, *_REFUSED) if name in tables}
     except (ValueError, KeyError, TypeError) as error:
         raise FeederError("file", path.name, f"a pandapower network ({error!r})", hint) from None
 
@@ -93,7 +105,7 @@ def _rows(frame: Row) -> list[Row]:
 
 
 def _call(name: str) -> Tables:
-    """Ask pandapower for a network that it builds with code."""
+    """A network that pandapower builds with code."""
     logger = logging.getLogger("pandapower")
     level = logger.level
     with warnings.catch_warnings():
@@ -106,27 +118,27 @@ def _call(name: str) -> Tables:
             logger.setLevel(level)
     return {
         key: [
-            {"index": index, **row}
+            {"index": index, **{str(column): value for column, value in row.items()}}
             for index, row in zip(frame.index.tolist(), frame.to_dict("records"), strict=True)
         ]
         for key, frame in frames.items()
     }
 
 
-def _frames(name: str) -> dict[str, Any]:
+def _frames(name: str) -> dict[str, pd.DataFrame]:
     import pandapower.networks as library
 
-    known = {
+    builders = {
         key: value
         for key, value in vars(library).items()
         if getattr(value, "__module__", "").startswith(library.__name__) and key[0] != "_"
     }
-    if name not in known:
-        hint = did_you_mean(name, known)
+    if name not in builders:
+        hint = did_you_mean(name, builders)
         raise FeederError("pandapower", f'"{name}"', "a function of pandapower.networks", hint)
     try:
-        net = known[name]()
-        return {key: net[key] for key in (*_KEPT, *_REFUSED) if key in net}
+        net = builders[name]()
+        return {key: net[key] for key in (*_READ, *_REFUSED) if key in net}
     except (TypeError, KeyError, IndexError) as error:
         allowed = "a function that needs no argument and returns a network"
         raise FeederError("pandapower", f'"{name}"', allowed, str(error)) from None
@@ -143,8 +155,8 @@ def _active(tables: Tables, kind: str) -> Iterator[Row]:
     return (row for row in tables.get(kind, []) if row.get("in_service", True))
 
 
-def _own_names(rows: list[Row]) -> dict[int, str] | None:
-    """Return the source's names by index, or `None` where they are missing, repeated or numbers."""
+def _source_names(rows: list[Row]) -> dict[int, str] | None:
+    """The source's names by index, or `None` where they are missing, repeated or numbers."""
     names = [name.strip() for row in rows if isinstance(name := row.get("name"), str)]
     telling = [name for name in names if name and not re.fullmatch(r"\d+(\.0)?", name)]
     if len(set(telling)) < len(rows):
@@ -162,7 +174,7 @@ def _feeder(tables: Tables, key: str, source: str) -> Feeder:
                 "replace it by two-winding transformers or lines, or take it out of service",
             )
     rows = list(_active(tables, "bus"))
-    names = _own_names(rows) or {int(r["index"]): str(int(r["index"]) + 1) for r in rows}
+    names = _source_names(rows) or {int(r["index"]): str(int(r["index"]) + 1) for r in rows}
     vn_kv = {names[int(r["index"])]: float(r["vn_kv"]) for r in rows}
     aliases = _fuse(tables, names)
     buses = [(name, vn) for name, vn in vn_kv.items() if name not in aliases]
@@ -172,20 +184,20 @@ def _feeder(tables: Tables, key: str, source: str) -> Feeder:
 
 
 def _places(rows: list[Row], names: dict[int, str]) -> dict[str, tuple[float, float]]:
-    """Return `{bus: (x, y)}` of the buses whose `geo` is a point."""
-    found = {}
+    """`{bus: (x, y)}` of the buses whose `geo` is a point."""
+    places = {}
     for row in rows:
         try:
             x, y = map(float, json.loads(row["geo"])["coordinates"][:2])
         except (KeyError, TypeError, ValueError):
             continue
         if math.isfinite(x) and math.isfinite(y):
-            found[names[int(row["index"])]] = (x, y)
-    return found
+            places[names[int(row["index"])]] = (x, y)
+    return places
 
 
 def _fuse(tables: Tables, names: dict[int, str]) -> dict[str, str]:
-    """Return `{bus: bus that stands for it}` of buses joined by closed switches."""
+    """`{bus: bus that stands for it}` of buses joined by closed switches."""
     parent = {name: name for name in names.values()}
 
     def root(name: str) -> str:
@@ -212,21 +224,21 @@ def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) ->
     opened = {
         (row["et"], int(row["element"])) for row in tables.get("switch", []) if not row["closed"]
     }
-    for kind, one, ends, switch in (
+    for kind, parameters, ends, switch in (
         ("line", _line, ("from_bus", "to_bus"), "l"),
         ("trafo", _trafo, ("hv_bus", "lv_bus"), "t"),
         ("impedance", _impedance, ("from_bus", "to_bus"), ""),
     ):
         rows = tables.get(kind, [])
-        own = _own_names(rows) or {}
+        source_names = _source_names(rows) or {}
         for row in rows:
-            a, b = (names.get(int(row[end])) for end in ends)
-            if a is None or b is None:
+            start, stop = (names.get(int(row[end])) for end in ends)
+            if start is None or stop is None:
                 continue
             index = int(row["index"])
-            r_pu, x_pu, rating = one(row, vn_kv[a], vn_kv[b])
+            r_pu, x_pu, rating = parameters(row, vn_kv[start], vn_kv[stop])
             up = bool(row.get("in_service", True)) and (switch, index) not in opened
-            yield Branch(a, b, r_pu, x_pu, rating, up, own.get(index, ""))
+            yield Branch(start, stop, r_pu, x_pu, rating, up, source_names.get(index, ""))
     yield from _switch_branches(tables, names, vn_kv)
 
 
@@ -236,9 +248,9 @@ def _switch_branches(
     for row in tables.get("switch", []):
         z_ohm = _number(row, "z_ohm", 0.0)
         if row["et"] == "b" and row["closed"] and z_ohm > 0:
-            a, b = names.get(int(row["bus"])), names.get(int(row["element"]))
-            if a is not None and b is not None:
-                yield Branch(a, b, z_ohm / vn_kv[a] ** 2, 0.0)
+            start, stop = names.get(int(row["bus"])), names.get(int(row["element"]))
+            if start is not None and stop is not None:
+                yield Branch(start, stop, z_ohm / vn_kv[start] ** 2, 0.0)
 
 
 def _line(row: Row, vn_kv: float, _: float) -> tuple[float, float, float]:
@@ -274,11 +286,11 @@ def _devices(
 ) -> dict[str, tuple[SourceDevice, ...]]:
     def read(kind: str, power: str) -> list[SourceDevice]:
         rows = [r for r in _active(tables, kind) if int(r["bus"]) in names]
-        own = _own_names(rows) or {}
+        source_names = _source_names(rows) or {}
         titles = unique_names(
-            own.get(int(r["index"]), f"{kind}{int(r['index']) + 1}") for r in rows
+            source_names.get(int(r["index"]), f"{kind}{int(r['index']) + 1}") for r in rows
         )
-        out = []
+        devices = []
         for row, title in zip(rows, titles, strict=True):
             bus, scale = names[int(row["bus"])], _number(row, "scaling", 1.0)
             p_mw = sum(_number(row, key, 0.0) for key in power.split())
@@ -287,10 +299,10 @@ def _devices(
                 for key in power.split()
             )
             v_pu = _number(row, "vm_pu", 1.0)
-            out.append(
+            devices.append(
                 SourceDevice(title, aliases.get(bus, bus), p_mw * scale, q_mvar * scale, v_pu)
             )
-        return out
+        return devices
 
     phases = read("asymmetric_load", "p_a_mw p_b_mw p_c_mw")
     return {

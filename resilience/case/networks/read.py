@@ -16,12 +16,16 @@ from resilience.case.schema import LineTable, NetworkTable
 
 
 def read_feeder(table: NetworkTable) -> Feeder:
-    """Read the network that a case names. Raises `FeederError` where it cannot be read."""
-    given = [k for k in ("pandapower", "file") if getattr(table, k)] + ["bus"] * bool(table.bus)
-    if len(given) != 1:
+    """The network that a case names, from where it is.
+
+    Raises:
+        FeederError: it cannot be read.
+    """
+    sources = [key for key in ("pandapower", "file", "bus") if getattr(table, key)]
+    if len(sources) != 1:
         raise FeederError(
             "",
-            " and ".join(given) or "no network",
+            " and ".join(sources) or "no network",
             "exactly one of pandapower, file, or [[network.bus]] with [[network.line]]",
             'for example pandapower = "case33bw"',
         )
@@ -61,7 +65,7 @@ READERS: Mapping[str, Callable[[Path], Feeder]] = {
 
 
 def _inline(table: NetworkTable) -> Feeder:
-    vn_kv = {b.name: b.vn_kv for b in table.bus}
+    vn_kv = {bus.name: bus.vn_kv for bus in table.bus}
     branches = [
         Branch(
             line.from_,
@@ -75,16 +79,17 @@ def _inline(table: NetworkTable) -> Feeder:
         for line in table.line
     ]
     places = {
-        b.name: (b.lon_deg, b.lat_deg)
-        for b in table.bus
-        if b.lon_deg is not None and b.lat_deg is not None
+        bus.name: (bus.lon_deg, bus.lat_deg)
+        for bus in table.bus
+        if bus.lon_deg is not None and bus.lat_deg is not None
     }
-    return Feeder(make_network([(b.name, b.vn_kv) for b in table.bus], branches), places=places)
+    return Feeder(make_network([*vn_kv.items()], branches), places=places)
 
 
 def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTable]) -> Network:
-    """Apply what the case says about its network: scale, voltage limits, and `[[line]]` tables."""
-    v_min, v_max = (np.full(len(network.bus_names), v) for v in (table.v_min_pu, table.v_max_pu))
+    """The network with what the case says of it: scale, voltage limits, and `[[line]]` tables."""
+    v_min = np.full(len(network.bus_names), table.v_min_pu)
+    v_max = np.full(len(network.bus_names), table.v_max_pu)
     for bus in table.bus:
         i = network.bus(bus.name)
         v_min[i], v_max[i] = bus.v_min_pu or v_min[i], bus.v_max_pu or v_max[i]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.checks.geography import findings
+from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, Mistake
 
@@ -105,7 +105,9 @@ def geography(case: Case) -> Geography:
 
 def _check(case: Case, table: GeographyTable) -> None:
     inline = bool(case.source.get("network", {}).get("bus"))
-    found = findings(table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case))
+    found = geography_findings(
+        table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case)
+    )
     file = case.file_name
     mistakes = [Mistake(file, "[geography]", key, *rest) for key, *rest in found]
     if mistakes:

@@ -8,7 +8,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import case_text, load_case
-from resilience.case.checks.geography import findings
+from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import CurveTable, GeographyTable, LineTable, StormTable
 from resilience.errors import CaseError, Mistake
 from resilience.fragility.chain import case_track, storm
@@ -175,7 +175,7 @@ def test_a_drawing_is_no_map() -> None:
     case = rs.load_case("ieee33")
     places = dict.fromkeys(case.network.bus_names, (500.0, 22.0))
     asked = GeographyTable(degrees=True)
-    (found,) = findings(asked, case.network, places, inline=False, grid_bus="1")
+    (found,) = geography_findings(asked, case.network, places, inline=False, grid_bus="1")
     assert found[0] == "degrees"
     assert "33 buses beyond 180 degrees" in found[1]
     with pytest.raises(CaseError, match="too long for the reactance"):
