@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 def energy_price(case: Case) -> Floats:
     """(slots,) $ per MWh of the cheapest source that is always there: a grid, else a generator."""
     if case.grid:
-        rows = [factor * case.profile(name) for factor, name in (g.import_price for g in case.grid)]
-        return np.min(rows, axis=0)
+        imports = [grid.import_price for grid in case.grid]
+        return np.min([factor * case.profile(name) for factor, name in imports], axis=0)
     cheapest = min((unit.marginal_cost_per_mwh for unit in case.generator), default=0.0)
     return np.full(case.slots, cheapest)
 
@@ -48,9 +48,9 @@ def stored_energy_value(case: Case, end_value_per_mwh: float) -> Floats:
     units = len(case.ess)
     wear = np.array([u.degradation_cost_per_mwh for u in case.ess])
     buy = price / np.array([u.efficiency_charge for u in case.ess])[:, None]
-    out = np.array([u.efficiency_discharge for u in case.ess])[:, None]
-    sell = (price - wear[:, None]) * out
-    found = np.full((units, case.slots + 1), end_value_per_mwh)
+    efficiency = np.array([u.efficiency_discharge for u in case.ess])[:, None]
+    sell = (price - wear[:, None]) * efficiency
+    value = np.full((units, case.slots + 1), end_value_per_mwh)
     for t in range(case.slots - 1, -1, -1):
-        found[:, t] = np.minimum(buy[:, t], np.maximum(sell[:, t], found[:, t + 1]))
-    return found
+        value[:, t] = np.minimum(buy[:, t], np.maximum(sell[:, t], value[:, t + 1]))
+    return value

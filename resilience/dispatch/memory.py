@@ -11,14 +11,20 @@ from resilience.simulation.world import Observation, World
 class Memory:
     """Remembers line failures scenario by scenario.
 
+    Its clock is the slot of the day where every day starts anew, else the slot of the horizon.
+
     Args:
         world: where it is.
-        daily: every day starts anew, and `t` of what is known is the slot of the day; otherwise
-            the episode is one storm, and `t` is its slot.
+        daily: every day starts anew; otherwise the episode is one storm.
 
     Attributes:
-        lines: index in the case's network of every line that can fail.
+        lines: position in the case's network of every line that can fail.
         per_day: slots of a day.
+        first: slot of the day in which the horizon starts.
+        since: (lines, scenarios) clock at which a line that is down failed, -1 where it is up.
+        spent: (lines, scenarios) whether a line has failed since the clock started.
+        failed: (lines, scenarios) clock of a line's first failure, -1 where it has none.
+        down: (scenarios, lines, slots) where lines were down; no slots where every day starts anew.
     """
 
     def __init__(self, world: World, daily: bool = True) -> None:
@@ -31,22 +37,22 @@ class Memory:
         self.spent = np.zeros(shape, bool)
         self.failed = np.full(shape, -1)
         # Only the queue of a storm's crews needs to know who was back when.
-        past = 0 if daily else case.slots
-        self.down = np.zeros((world.scenarios.n, len(self.lines), past), bool)
+        remembered = 0 if daily else case.slots
+        self.down = np.zeros((world.scenarios.n, len(self.lines), remembered), bool)
 
-    def update(self, seen: Observation) -> None:
+    def update(self, observation: Observation) -> None:
         """Takes notice of the line status of a slot; to be called once in each."""
-        clock = self.clock(seen.t)
+        clock = self.clock(observation.t)
         if clock == 0:
             self.since[:], self.spent[:], self.failed[:] = -1, False, -1
-        down = ~seen.line_up[self.lines]
+        down = ~observation.line_up[self.lines]
         began = down & (self.since < 0)
         self.since[began] = clock
         self.since[~down] = -1
         self.failed[began & ~self.spent] = clock
         self.spent |= down
         if not self.daily:
-            self.down[:, :, seen.t] = down.T
+            self.down[:, :, observation.t] = down.T
 
     def clock(self, t: int) -> int:
         """Slot of the day of slot t, or of the storm."""
@@ -56,9 +62,15 @@ class Memory:
         """Number of the day of slot t, from 0; a storm is one."""
         return (self.first + t) // self.per_day if self.daily else 0
 
-    def known(self, seen: Observation, k: int) -> Known:
-        """What is known of scenario k in the slot last noticed."""
-        centre = int(seen.centre[k])
-        since, spent, failed = (of[:, k] for of in (self.since, self.spent, self.failed))
-        past = None if self.daily else self.down[k, :, : seen.t + 1]
-        return Known(self.clock(seen.t), centre, since, spent, self.day(seen.t), failed, past)
+    def history(self, observation: Observation, k: int) -> Known:
+        """What is known of the lines of scenario k in the slot last noticed."""
+        t = observation.t
+        return Known(
+            self.clock(t),
+            int(observation.centre[k]),
+            self.since[:, k],
+            self.spent[:, k],
+            self.day(t),
+            self.failed[:, k],
+            None if self.daily else self.down[k, :, : t + 1],
+        )

@@ -13,7 +13,7 @@ from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.window_program import (
-    MEAN,
+    RISK_NEUTRAL,
     WindowProgram,
     WindowRequest,
     WindowSteps,
@@ -28,6 +28,8 @@ from resilience.simulation.world import Observation, World
 class Stochastic:
     """Two-stage dispatch over sampled outages, conditioned on what is known.
 
+    It remembers since when lines are down, and which have failed, in every scenario.
+
     Args:
         world: where it acts.
         belief: in outages to come, or the bell to believe in; the case's own if omitted.
@@ -35,6 +37,12 @@ class Stochastic:
         steps: of every path.
         risk: what counts besides the mean over the paths.
         seed: of the sampled futures; they have nothing to do with the storms it is judged on.
+
+    Attributes:
+        merged: the microgrid, its like devices joined.
+        memory: of line failures; to be updated once in every slot.
+        value: (units, slots + 1) $ per MWh stored at the start of every slot, and at the end.
+        programs: by number of paths, each built when it is first needed; they keep their bases.
     """
 
     def __init__(
@@ -44,7 +52,7 @@ class Stochastic:
         *,
         paths: int = 30,
         steps: WindowSteps | None = None,
-        risk: Risk = MEAN,
+        risk: Risk = RISK_NEUTRAL,
         seed: int = 0,
     ) -> None:
         check_storage(world.microgrid.case)
@@ -55,50 +63,56 @@ class Stochastic:
             lines = world.scenarios.lines
             belief = case_belief(world.microgrid.case, lines, bell=belief, seed=seed)
         self.belief: Belief = belief
-        self.small = merged_grid(world.microgrid.case)
+        self.merged = merged_grid(world.microgrid.case)
         self.memory = Memory(world, self.belief.daily)
         self.value = stored_energy_value(world.microgrid.case, world.end_value_per_mwh)
         self.programs: dict[int, WindowProgram] = {}
 
-    def act(self, seen: Observation) -> Floats:
-        """The common first slot of every scenario's program."""
-        self.memory.update(seen)
-        found = np.empty_like(seen.energy)
-        for k in range(seen.energy.shape[1]):
-            up, share = self._paths(seen, k)
-            program = self._program(len(share))
-            end = min(seen.t + self.steps.horizon, self.world.microgrid.case.slots)
-            now, forecast = seen.energy[:, k], seen.forecast_of(k)
-            asked = WindowRequest(seen.t, now, up, share, forecast, self.value[:, end])
-            found[:, k] = program.decide(asked)
-        return found
+    def act(self, observation: Observation) -> Floats:
+        """The common first slot of every scenario's program: (units, batch) charging power, MW."""
+        self.memory.update(observation)
+        end = min(observation.t + self.steps.horizon, self.world.microgrid.case.slots)
+        power = np.empty_like(observation.energy)
+        for k in range(power.shape[1]):
+            up, probability = self._paths(observation, k)
+            request = WindowRequest(
+                observation.t,
+                observation.energy[:, k],
+                up,
+                probability,
+                observation.forecast_of(k),
+                self.value[:, end],
+            )
+            power[:, k] = self._program(len(probability)).decide(request)
+        return power
 
-    def _paths(self, seen: Observation, k: int) -> tuple[Bools, Floats]:
+    def _paths(self, observation: Observation, k: int) -> tuple[Bools, Floats]:
         """(lines of the case, steps, paths) status and (paths,) probability of different paths.
 
         Their number is one that a program is kept for: the last one may stand there more than once.
         """
         memory, steps = self.memory, self.steps
-        down = self.belief.paths(memory.known(seen, k), steps.horizon - 1, self.paths)
+        history = memory.history(observation, k)
+        down = self.belief.paths(history, steps.horizon - 1, self.paths)
         blocks = np.logical_or.reduceat(down, steps.starts[1:] - 1, axis=1)
-        flat = blocks.reshape(-1, self.paths)
-        _, first, count = np.unique(flat, axis=1, return_index=True, return_counts=True)
+        status = blocks.reshape(-1, self.paths)
+        _, first, count = np.unique(status, axis=1, return_index=True, return_counts=True)
         order = np.argsort(first)
         first, count = first[order], count[order]
         size = self._size(len(first))
-        fill = np.minimum(np.arange(size), len(first) - 1)
-        share = np.where(np.arange(size) < len(first), count[fill], 0) / self.paths
-        up = np.ones((len(seen.line_up), steps.n, size), bool)
-        up[:, 0] = seen.line_up[:, [k]]
-        up[memory.lines, 1:] = ~blocks[:, :, first[fill]]
-        return up, share
+        chosen = np.minimum(np.arange(size), len(first) - 1)
+        probability = np.where(np.arange(size) < len(first), count[chosen], 0) / self.paths
+        up = np.ones((len(observation.line_up), steps.n, size), bool)
+        up[:, 0] = observation.line_up[:, [k]]
+        up[memory.lines, 1:] = ~blocks[:, :, first[chosen]]
+        return up, probability
 
     def _size(self, n: int) -> int:
         """Paths of the smallest program that holds n: 1, or a share of all of them."""
-        kept = [1, *(int(np.ceil(self.paths * part)) for part in (0.25, 0.5, 0.75, 1.0))]
-        return next(size for size in kept if size >= n)
+        sizes = [1, *(int(np.ceil(self.paths * share)) for share in (0.25, 0.5, 0.75, 1.0))]
+        return next(size for size in sizes if size >= n)
 
     def _program(self, paths: int) -> WindowProgram:
         if paths not in self.programs:
-            self.programs[paths] = WindowProgram(self.small, self.steps, paths, risk=self.risk)
+            self.programs[paths] = WindowProgram(self.merged, self.steps, paths, risk=self.risk)
         return self.programs[paths]

@@ -28,13 +28,22 @@ from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.simulation.world import Forecast
 
-MEAN = Risk()
-POWERS = ("MW", "Mvar")  # units of data that shrink with the part of a step that is left
+RISK_NEUTRAL = Risk()
+"""Nothing but the mean counts."""
+
+POWER_UNITS = ("MW", "Mvar")
+"""Units of data that shrink with the part of a step that lies within the horizon."""
 
 
 @dataclass(frozen=True)
 class WindowSteps:
-    """The time steps of a path: `slots` single ones, then `blocks` of `block_slots` each."""
+    """The time steps of a path.
+
+    Attributes:
+        slots: steps of a slot each, which come first.
+        blocks: longer steps behind them.
+        block_slots: slots of each of these.
+    """
 
     slots: int = 8
     blocks: int = 10
@@ -61,19 +70,20 @@ class WindowSteps:
         return np.cumsum(self.width) - self.width
 
     def tree(self, paths: int) -> Tree:
-        """A first slot common to all, then `paths` chains, equally likely until told otherwise."""
+        """A first slot common to all, then `paths` chains, equally likely."""
         later = self.n - 1
-        parent = np.concatenate([[-1], *(self._chain(p) for p in range(paths))])
+        parent = np.concatenate([[-1], *(self._parents(p) for p in range(paths))])
         chance = np.append(1.0, np.full(paths * later, 1.0 / paths))
         stage = np.append(0, np.tile((np.arange(1, self.n) >= self.slots).astype(int), paths))
         names = [f"path {p + 1} step {k}" for p in range(paths) for k in range(1, self.n)]
         return Tree(parent.astype(np.intp), chance, stage.astype(np.intp), ("now", *names))
 
-    def _chain(self, path: int) -> Ints:
+    def _parents(self, path: int) -> Ints:
+        """Parents of the nodes of a path: each the node before, the first one the common slot."""
         first = 1 + path * (self.n - 1)
-        found = np.arange(first - 1, first + self.n - 2)
-        found[:1] = 0
-        return found
+        parents = np.arange(first - 1, first + self.n - 2)
+        parents[:1] = 0  # nothing where a path has no node of its own
+        return parents
 
 
 @dataclass(frozen=True)
@@ -84,7 +94,7 @@ class WindowRequest:
         t: slot of the horizon.
         energy: (units,) stored energy, MWh.
         up: (lines of the case, steps, paths) line status; the first step is the same in all paths.
-        share: (paths,) probability of every path.
+        probability: (paths,) of every path.
         forecast: of profiles, by name and slots.
         value: (units,) $ per MWh left at the end of the steps.
         reserve: level in MWh and price in $/MWh, (buses with storage, steps) each, where there is
@@ -94,7 +104,7 @@ class WindowRequest:
     t: int
     energy: Floats
     up: Bools
-    share: Floats
+    probability: Floats
     forecast: Forecast
     value: Floats
     reserve: tuple[Floats, Floats] | None = None
@@ -114,28 +124,34 @@ def check_storage(case: Case) -> None:
 
 
 class WindowProgram:
-    """`paths` chains behind a common first slot.
+    """The program of a window: `paths` chains behind a common first slot.
 
     Args:
-        small: the microgrid, its like devices joined.
+        merged: the microgrid, its like devices joined.
         steps: of every path.
         paths: how many.
         reserve: rows of a reserve, if any.
         risk: what counts besides the mean over the paths.
+
+    Attributes:
+        standard: the program in standard form.
+        solver: holds it, and its basis between solves.
+        step_of: (nodes,) step of every node of the tree.
+        path_of: (nodes,) path of every node; 0 for the common slot.
     """
 
     def __init__(
         self,
-        small: MergedGrid,
+        merged: MergedGrid,
         steps: WindowSteps,
         paths: int,
         reserve: Reserve | None = None,
-        risk: Risk = MEAN,
+        risk: Risk = RISK_NEUTRAL,
     ) -> None:
-        self.small, self.steps, self.paths = small, steps, paths
-        check_storage(small.microgrid.case)
-        dt = small.microgrid.case.step_h
-        stages = [small.microgrid.stage(dt), small.microgrid.stage(dt * steps.block_slots)]
+        self.merged, self.steps, self.paths = merged, steps, paths
+        check_storage(merged.microgrid.case)
+        dt = merged.microgrid.case.step_h
+        stages = [merged.microgrid.stage(dt), merged.microgrid.stage(dt * steps.block_slots)]
         if reserve is not None:
             for stage in stages:
                 reserve.emit(stage)
@@ -153,68 +169,67 @@ class WindowProgram:
         self._end = standard.columns("ess.energy")[:, ends]
         self._first = [standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
         self._column_path = self._paths_of_columns()
-        self._powers = {b.name for s in stages for b in s.datums if b.unit in POWERS}
+        self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
 
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
-        found = np.full(self.standard.n_columns, -1)
+        path = np.full(self.standard.n_columns, -1)
         for form, table, nodes in zip(
             self.standard.forms, self.standard.tables, self.standard.members, strict=True
         ):
-            own = np.where(nodes > 0, self.path_of[nodes], -1)
-            found[table[:, form.n_now :]] = own[:, None]
-        return found
+            path_of_node = np.where(nodes > 0, self.path_of[nodes], -1)
+            path[table[:, form.n_now :]] = path_of_node[:, None]
+        return path
 
-    def data(self, asked: WindowRequest) -> dict[str, Floats]:
-        """The data of every node for what is asked, arrays (labels, nodes)."""
-        steps, small = self.steps, self.small
-        last = small.microgrid.case.slots - 1
-        at = np.minimum(asked.t + np.arange(steps.horizon), last)
+    def data(self, request: WindowRequest) -> dict[str, Floats]:
+        """The data of every node for a request, arrays (labels, nodes)."""
+        steps, merged = self.steps, self.merged
+        last = merged.microgrid.case.slots - 1
+        slots = np.minimum(request.t + np.arange(steps.horizon), last)
+        followed = [n for n in profiles_of(merged.microgrid.case) if n not in merged.mixed]
+        members = [name for names, _ in merged.mixed.values() for name in names]
         means = {
-            name: np.add.reduceat(asked.forecast(name, at), steps.starts) / steps.width
-            for name in profiles_of(small.microgrid.case)
-            if name not in small.mixed
+            name: np.add.reduceat(request.forecast(name, slots), steps.starts) / steps.width
+            for name in dict.fromkeys([*followed, *members])
         }
-        for members, _ in small.mixed.values():
-            for name in members:
-                if name not in means:
-                    mean = np.add.reduceat(asked.forecast(name, at), steps.starts) / steps.width
-                    means[name] = mean
-        profile = small.profile(lambda name: means[name][self.step_of])
-        up = asked.up[:, self.step_of, self.path_of]
-        data = small.microgrid.data(small.microgrid.situation(up, profile))
-        left = np.clip(last + 1 - asked.t - steps.starts, 0, steps.width) / steps.width
-        if left[-1] < 1.0:
-            data = {k: v * left[self.step_of] if k in self._powers else v for k, v in data.items()}
-        if asked.reserve is not None:
-            level, price = asked.reserve
+        profile = merged.profile(lambda name: means[name][self.step_of])
+        up = request.up[:, self.step_of, self.path_of]
+        data = merged.microgrid.data(merged.microgrid.situation(up, profile))
+        # Of a step that passes the end of the horizon only the part before it counts.
+        inside = np.clip(last + 1 - request.t - steps.starts, 0, steps.width) / steps.width
+        if inside[-1] < 1.0:
+            share = inside[self.step_of]
+            data = {k: v * share if k in self._powers else v for k, v in data.items()}
+        if request.reserve is not None:
+            level, price = request.reserve
             data["reserve.level"] = level[:, self.step_of]
             data["reserve.price"] = price[:, self.step_of]
         return data
 
-    def vectors(self, asked: WindowRequest, data: dict[str, Floats] | None = None) -> Vectors:
-        """All numbers of the program for what is asked."""
-        given = self.data(asked) if data is None else data
-        found = self.standard.vectors(given, {"ess.energy": asked.energy})
+    def vectors(self, request: WindowRequest, data: dict[str, Floats] | None = None) -> Vectors:
+        """All numbers of the program for a request; `data` if its data are there already."""
+        data = self.data(request) if data is None else data
+        vectors = self.standard.vectors(data, {"ess.energy": request.energy})
         shared = self._column_path < 0
-        weight = np.where(shared, 1.0, self.paths * asked.share[self._column_path])
-        found.cost *= weight
-        found.cost[self._end] -= asked.share * asked.value[:, None]
-        return found
+        # The tree was built with equally likely paths.
+        weight = np.where(shared, 1.0, self.paths * request.probability[self._column_path])
+        vectors.cost *= weight
+        vectors.cost[self._end] -= request.probability * request.value[:, None]
+        return vectors
 
     def _worth(self, value: Floats) -> sp.csr_array:
         """(paths, columns) $ per MWh left at the end of every path, as a cost."""
         units, paths = self._end.shape
-        at = (np.tile(np.arange(paths), units), self._end.ravel())
+        places = (np.tile(np.arange(paths), units), self._end.ravel())
         shape = (paths, self.standard.n_columns)
-        return sp.csr_array((np.repeat(-value, paths), at), shape=shape)
+        return sp.csr_array((np.repeat(-value, paths), places), shape=shape)
 
-    def decide(self, asked: WindowRequest) -> Floats:
+    def decide(self, request: WindowRequest) -> Floats:
         """(units,) charging power in the first slot, MW; negative is discharging."""
-        data = self.data(asked)
+        data = self.data(request)
         if isinstance(self.solver, RiskAverse):
-            self.solver.weigh(asked.share)
-            self.solver.price(data, self._worth(asked.value))
-        self.solver.update(self.vectors(asked, data))
+            self.solver.weigh(request.probability)
+            self.solver.price(data, self._worth(request.value))
+        self.solver.update(self.vectors(request, data))
         z = self.solver.solve().point
         return z[self._first[0]] - z[self._first[1]]

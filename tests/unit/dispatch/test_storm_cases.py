@@ -72,7 +72,7 @@ def test_a_storm_is_remembered_over_midnight(world: World) -> None:
         down[memory.lines[5], 0] = t != 94  # back after one slot
         seen = type("Seen", (), {"t": t, "line_up": down, "centre": np.full(2, -1)})()
         memory.update(seen)
-    known = memory.known(seen, 0)
+    known = memory.history(seen, 0)
     assert (known.t, known.day) == (97, 0)
     assert known.since[3] == 95
     assert known.first is not None
@@ -80,7 +80,7 @@ def test_a_storm_is_remembered_over_midnight(world: World) -> None:
     assert known.down is not None
     assert known.down.shape == (32, 98)
     assert np.argwhere(known.down).tolist() == [[3, 95], [3, 96], [3, 97], [5, 94]]
-    other = memory.known(seen, 1).down
+    other = memory.history(seen, 1).down
     assert other is not None
     assert not other.any()
 

@@ -10,7 +10,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case
-from resilience.case.checks.geography import findings
+from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.chain import case_track, storm
@@ -73,7 +73,7 @@ def test_a_slip_in_one_coordinate_is_found(koinu: Case) -> None:
     places = zip(earth.bus_lon_deg.tolist(), earth.bus_lat_deg.tolist(), strict=True)
     right = dict(zip(case.network.bus_names, places, strict=True))
     asked = GeographyTable(degrees=True)
-    assert not list(findings(asked, case.network, right, inline=False, grid_bus="1"))
+    assert not list(geography_findings(asked, case.network, right, inline=False, grid_bus="1"))
     wrong = right | {"25": (right["25"][0] - 100.0, right["25"][1])}
-    (found,) = findings(asked, case.network, wrong, inline=False, grid_bus="1")
+    (found,) = geography_findings(asked, case.network, wrong, inline=False, grid_bus="1")
     assert "1 line too long for the reactance: 24-25" in found[1]
