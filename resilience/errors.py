@@ -19,7 +19,12 @@ from typing import Any
 
 
 class ResilienceError(Exception):
-    """Base of all errors of the package: a message and, where there is one, a remedy."""
+    """Base of all errors of the package.
+
+    Attributes:
+        message: subject, value found, what is allowed.
+        hint: the remedy; empty where there is none.
+    """
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message, hint)
@@ -46,8 +51,13 @@ class SolverError(ResilienceError):
 class Mistake:
     """One mistake in a case file.
 
-    `file` and `table` say where (`[[ess]] ess2`), `key` what, `value` what was found,
-    `allowed` what may stand there, and `hint` what to do about it. All are text for people.
+    Attributes:
+        file: in which it stands.
+        table: the table's title: `[[ess]] ess2`.
+        key: of the table.
+        value: what was found there, as text for people, like all that follows.
+        allowed: what may stand there.
+        hint: what to do about it.
     """
 
     file: str
@@ -58,7 +68,7 @@ class Mistake:
     hint: str
 
     def __str__(self) -> str:
-        where = " ".join(part for part in (self.table, self.key) if part)
+        where = " ".join(text for text in (self.table, self.key) if text)
         return (
             f"{self.file}: {where}\n"
             f"  found:   {self.value}\n"
@@ -74,23 +84,27 @@ def together(*steps: Callable[[], Any]) -> list[Any]:
         CaseError: all mistakes of all steps.
         UsageError: the first of the steps, where none finds mistakes in a case.
     """
-    found, mistakes, wrong = [], list[Mistake](), list[UsageError]()
+    results, mistakes, misuses = [], list[Mistake](), list[UsageError]()
     for step in steps:
         try:
-            found.append(step())
+            results.append(step())
         except CaseError as error:
             mistakes += error.mistakes
         except UsageError as error:
-            wrong.append(error)
+            misuses.append(error)
     if mistakes:
         raise CaseError(mistakes)
-    if wrong:
-        raise wrong[0]
-    return found
+    if misuses:
+        raise misuses[0]
+    return results
 
 
 class CaseError(ResilienceError):
-    """A case file with mistakes. `mistakes` lists every one of them."""
+    """A case file with mistakes.
+
+    Attributes:
+        mistakes: every one of them, each once.
+    """
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes: tuple[Mistake, ...] = tuple(dict.fromkeys(mistakes))

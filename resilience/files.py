@@ -15,17 +15,22 @@ from resilience.errors import UsageError
 def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
     """Names of what is in a folder that `replacing` may replace.
 
+    Args:
+        folder: it need not exist.
+        mark: name of the file by which an earlier result is known.
+        keep: name of a sub-folder that does not count.
+
     Raises:
         UsageError: it is a file, or holds something that is no earlier result.
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is a file", hint="name a folder")
-    there = [path.name for path in folder.iterdir()] if folder.is_dir() else []
-    if set(there) - {keep} and mark not in there:
+    names = [path.name for path in folder.iterdir()] if folder.is_dir() else []
+    if set(names) - {keep} and mark not in names:
         raise UsageError(
             f"{folder} is not empty and holds no earlier result", hint="name a new folder"
         )
-    return there
+    return names
 
 
 @contextmanager
@@ -34,20 +39,25 @@ def replacing(folder: Path, mark: str, keep: str = "") -> Iterator[Path]:
 
     An existing folder is replaced only if it is empty or holds the file `mark`; its sub-folder
     `keep` does not count, and moves on to the new one.
+
+    Raises:
+        UsageError: what stands there is no earlier result.
     """
-    there = check_replaceable(folder, mark, keep)
+    names = check_replaceable(folder, mark, keep)
     folder.parent.mkdir(parents=True, exist_ok=True)
     fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         yield fresh
         fresh.chmod(0o755)
         if folder.exists():
-            old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
-            os.replace(folder, old / "was")
+            # Moved aside, since no system replaces a folder that is not empty in one step.
+            aside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
+            old = aside / "was"
+            os.replace(folder, old)
             os.replace(fresh, folder)
-            if keep and keep in there:
-                os.replace(old / "was" / keep, folder / keep)
-            shutil.rmtree(old)
+            if keep and keep in names:
+                os.replace(old / keep, folder / keep)
+            shutil.rmtree(aside)
         else:
             os.replace(fresh, folder)
     except BaseException:

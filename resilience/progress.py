@@ -57,13 +57,13 @@ class Meter:
     _named: set[str] = field(default_factory=set, repr=False)
 
     def advance(self, amount: int) -> None:
-        """So much more is finished."""
+        """Counts so much more as finished."""
         self.done += amount
         if self.show is not None:
             self.show(self)
 
     def on(self, detail: str) -> None:
-        """Something else is at work; it is announced once."""
+        """Names what is at work now; it is announced once."""
         self.detail = detail
         if detail not in self._named:
             self._named.add(detail)
