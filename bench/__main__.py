@@ -67,7 +67,7 @@ def main(chosen: list[str]) -> int:
         print(f"error: no part {sorted(unknown)}; allowed: {', '.join(PARTS)}", file=sys.stderr)
         return 2
     progress, rows = Console(stderr=True), []
-    for name in chosen or [part for part in PARTS if part not in LONG]:
+    for name in chosen or [name for name in PARTS if name not in LONG]:
         with progress.status(f"measuring: {name}"):
             rows += list(PARTS[name]())
     Console(width=None if sys.stdout.isatty() else 160).print(table(rows))
@@ -75,13 +75,13 @@ def main(chosen: list[str]) -> int:
 
 
 def table(rows: list[Row]) -> Table:
-    found = Table(caption=machine(), caption_justify="left", title="resilience: speed and memory")
+    printed = Table(caption=machine(), caption_justify="left", title="resilience: speed and memory")
     for heading in ("what", "measured", "target", "met", "note"):
-        found.add_column(heading, justify="right" if heading == "measured" else "left")
+        printed.add_column(heading, justify="right" if heading == "measured" else "left")
     words = {True: "[green]yes[/]", False: "[red]no[/]", None: ""}
     for row in rows:
-        found.add_row(row.name, row.measured, row.target, words[row.met], row.note)
-    return found
+        printed.add_row(row.name, row.measured, row.target, words[row.met], row.note)
+    return printed
 
 
 def machine() -> str:

@@ -23,20 +23,20 @@ SCORES = {"stochastic": 0.76, "mpc": 0.64, "sddp": 0.68}
 
 
 def deciding() -> Iterator[Row]:
-    for case, name, most_s in (
+    for case, name, limit_s in (
         ("ieee33", "mpc-blind", 5.0),
         ("ieee33", "mpc", 10.0),
         ("ieee33-tou", "stochastic", None),
     ):
-        seconds, run = timed(_run, case, name)
-        decisions = run.cost.shape[0]
-        each = 1e3 * run.seconds / decisions
-        if most_s is None:
+        seconds, trajectory = timed(_run, case, name)
+        decisions = trajectory.cost.shape[0]
+        decision_ms = 1e3 * trajectory.seconds / decisions
+        if limit_s is None:
             note = f"{case}, {decisions:,} decisions"
-            yield below(f"{name}, a decision", each, 20.0, "ms", note)
+            yield below(f"{name}, a decision", decision_ms, 20.0, "ms", note)
         else:
-            note = f"{each:.2f} ms a decision; the paper's MINLP took {PAPER_S:,} s"
-            yield below(f"{name} on {case}, {DAYS} days", seconds, most_s, "s", note)
+            note = f"{decision_ms:.2f} ms a decision; the paper's MINLP took {PAPER_S:,} s"
+            yield below(f"{name} on {case}, {DAYS} days", seconds, limit_s, "s", note)
 
 
 def _run(case_name: str, method: str) -> Trajectory:
@@ -68,9 +68,9 @@ def _on_tou(end_value: float) -> Iterator[Row]:
                      end_value_per_mwh=end_value, workers=2)  # fmt: skip
     frame = report.frame()
     shed = frame["shed_mwh_per_day"]
-    for method, least in SCORES.items():
+    for method, min_score in SCORES.items():
         score = float(frame.loc[method, "score"])
         little = bool(shed[method] <= SHED_SHARE * shed["mpc-blind"])
         note = f"sheds {shed[method]:.4f} MWh a day, mpc-blind {shed['mpc-blind']:.3f}"
         name = f"score of {method}, ieee33-tou, end {end_value:g}"
-        yield Row(name, f"{score:.3f}", f">= {least:g}", score >= least and little, note)
+        yield Row(name, f"{score:.3f}", f">= {min_score:g}", score >= min_score and little, note)

@@ -37,10 +37,9 @@ def _simbench(code: str, buses: int, folder: Path) -> str:
 
         net = simbench.get_simbench_net(code)
         sizes = net.bus.subnet[net.bus.subnet.str.match(r"LV[\d.]+$")].value_counts(sort=False)
-        whole = set(
-            sizes.index[sizes.cumsum() <= buses - (~net.bus.subnet.isin(sizes.index)).sum()]
-        )
-        keep = net.bus.index[~net.bus.subnet.isin(set(sizes.index) - whole)]
+        medium_voltage = (~net.bus.subnet.isin(sizes.index)).sum()
+        fitting = set(sizes.index[sizes.cumsum() <= buses - medium_voltage])
+        keep = net.bus.index[~net.bus.subnet.isin(set(sizes.index) - fitting)]
         # Two transformers side by side are a cycle, which radial physics does not take.
         net.trafo.loc[net.trafo.index[net.trafo.vn_hv_kv > 100][1:], "in_service"] = False
         path = folder / f"{code}.json"

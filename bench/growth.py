@@ -29,5 +29,5 @@ def growing() -> Iterator[Row]:
         solves.append(timed(turns[-1][1].solve)[0])
     for name, spent in (("build", builds), ("LP", solves)):
         exponent = np.polyfit(np.log(sizes), np.log(spent), 1)[0]
-        each = ", ".join(f"{n} buses {t:.2g} s" for n, t in zip(sizes, spent, strict=True))
-        yield Row(f"{name} time, {SLOTS} slots", f"n^{exponent:.2f}", "", None, each)
+        note = ", ".join(f"{n} buses {t:.2g} s" for n, t in zip(sizes, spent, strict=True))
+        yield Row(f"{name} time, {SLOTS} slots", f"n^{exponent:.2f}", "", None, note)

@@ -26,8 +26,8 @@ def hazards() -> Iterator[Row]:
     crews = Repair("lognormal", (6.0, 0.5), crews=6)
     for gust, name in ((40.0, "strong"), (60.0, "extreme")):
         wind = passing(lines, gust)
-        seconds, found = timed(sample_storms, lines, wind, SCENARIOS, 0)
-        failed = found.down.any(axis=1)
+        seconds, storms = timed(sample_storms, lines, wind, SCENARIOS, 0)
+        failed = storms.down.any(axis=1)
         exact = failure_probability(lines, wind)
         error = np.sqrt(exact * (1.0 - exact) / SCENARIOS)
         assert (np.abs(failed.mean(axis=1) - exact) < 5.0 * error + 1e-6).all()
@@ -37,8 +37,8 @@ def hazards() -> Iterator[Row]:
     yield below("hazard, 10,000 scenarios, extreme storm, 6 crews", seconds, 2.0, "s")
     rare = passing(lines, 25.0)
     aimed = Sampling(shift=-1.5)
-    seconds, found = timed(lambda: sample_storms(lines, rare, SCENARIOS, 0, sampling=aimed))
-    note = f"importance sampling, worth {effective_size(found):.0f} equally likely ones"
+    seconds, rare_storms = timed(lambda: sample_storms(lines, rare, SCENARIOS, 0, sampling=aimed))
+    note = f"importance sampling, worth {effective_size(rare_storms):.0f} equally likely ones"
     yield below("hazard, 10,000 scenarios, rare failures", seconds, 2.0, "s", note)
     some = sample_storms(lines, passing(lines, 40.0), 1000, 0)
     seconds, few = timed(reduced, some, 50)

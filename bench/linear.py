@@ -27,9 +27,9 @@ def relaxed(standard: Standard) -> Lowered:
 
 def build(case: Case, backend: type[Highs] | type[Pyomo]) -> Backend:
     """From a case to a model that is ready to be solved."""
-    problem = horizon(case)
-    solver = backend(relaxed(problem.standard))
-    solver.update(problem.vectors)
+    program = horizon(case)
+    solver = backend(relaxed(program.standard))
+    solver.update(program.vectors)
     return solver
 
 
@@ -52,31 +52,33 @@ def windows(day: CaseProgram, window: Standard, order: np.ndarray) -> list[tuple
     rng = np.random.default_rng(0)
     highs, energy = Highs(relaxed(window)), day.x0["ess.energy"]
     after = window.columns("ess.energy")[:, 0]
-    found: list[tuple[Values, Values]] = []
+    starts: list[tuple[Values, Values]] = []
     for first in order:
         data = {k: v[:, first : first + WINDOW] for k, v in day.data.items()}
         for name in ("load.demand", "pv.available"):
             data[name] = data[name] * rng.uniform(0.95, 1.0, data[name].shape)
         x0 = dict(day.x0) | {"ess.energy": energy * rng.uniform(0.95, 1.0, len(energy))}
-        found.append((data, x0))
+        starts.append((data, x0))
         energy = _again(highs, window, data, x0).point[after]
-    return found
+    return starts
 
 
 def resolving() -> Iterator[Row]:
     case = load_case("ieee33")
     day, window = horizon(case), horizon(case.replace(slots=WINDOW)).standard
     firsts = np.arange(case.slots - WINDOW)
-    for name, order, least in (
+    for name, order, min_ratio in (
         ("8 slots through the day", firsts, 10.0),
         ("8 slots in random order", np.random.default_rng(0).permutation(firsts), None),
     ):
         fast, slow = _race(window, windows(day, window, order))
-        yield ratio(f"re-solve, {name}, highs over pyomo", slow, fast, least)
+        yield ratio(f"re-solve, {name}, highs over pyomo", slow, fast, min_ratio)
         yield below(f"re-solve, {name}, highs", 1e3 * float(np.median(fast)), 2.0, "ms")
 
 
-def _race(standard: Standard, each: list[tuple[Values, Values]]) -> tuple[list[float], list[float]]:
+def _race(
+    standard: Standard, starts: list[tuple[Values, Values]]
+) -> tuple[list[float], list[float]]:
     """Seconds per window of warm HiGHS and of the persistent Pyomo solver, in turns of a day.
 
     Raises:
@@ -85,14 +87,14 @@ def _race(standard: Standard, each: list[tuple[Values, Values]]) -> tuple[list[f
     lowered = relaxed(standard)
     highs, pyomo = Highs(lowered, duals=False), Pyomo(lowered)
     for solver in (highs, pyomo):
-        _again(solver, standard, *each[0])  # cold
+        _again(solver, standard, *starts[0])  # cold
     fast, slow = [], []
     for _ in range(TURNS):
-        ours = [timed(_again, highs, standard, *e) for e in each]
-        theirs = [timed(_again, pyomo, standard, *e) for e in each]
-        for k, ((s, our), (t, their)) in enumerate(zip(ours, theirs, strict=True)):
-            fast.append(s)
-            slow.append(t)
+        ours = [timed(_again, highs, standard, *start) for start in starts]
+        theirs = [timed(_again, pyomo, standard, *start) for start in starts]
+        for k, ((fast_s, our), (slow_s, their)) in enumerate(zip(ours, theirs, strict=True)):
+            fast.append(fast_s)
+            slow.append(slow_s)
             apart = abs(our.objective - their.objective) / (1.0 + abs(their.objective))
             assert apart <= AGREEMENT, f"window {k}: {our.objective} and {their.objective}"
     return fast, slow

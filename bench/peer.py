@@ -49,15 +49,15 @@ def environment() -> Path:
 
 def called(*command: str, seconds: float) -> str:
     try:
-        found = subprocess.run(
+        process = subprocess.run(
             command, capture_output=True, text=True, timeout=seconds, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise MissingError(f"{Path(command[0]).name}: {error}") from error
-    if found.returncode:
-        last = (found.stderr.strip() or "no message").splitlines()[-1]
-        raise MissingError(f"exit code {found.returncode}: {last}")
-    return found.stdout
+    if process.returncode:
+        last = (process.stderr.strip() or "no message").splitlines()[-1]
+        raise MissingError(f"exit code {process.returncode}: {last}")
+    return process.stdout
 
 
 def peers() -> Iterator[Row]:
@@ -71,16 +71,16 @@ def peers() -> Iterator[Row]:
         yield skipped(name, str(why))
         return
     case = one_bus(load_case("ieee33"))
-    many, alone = Bench.of(case, 4096), Bench.of(case, 1)
+    many, alone = Bench.for_case(case, 4096), Bench.for_case(case, 1)
     with one_core():
-        bare, whole, single = race(many.step, many.whole, alone.whole)
+        bare, slot, single = race(many.step, many.with_data, alone.with_data)
     yield over(name, 4096 / bare, theirs, 100.0)
-    yield over("the same with data, islands and every device's power", 4096 / whole, theirs, 100.0)
+    yield over("the same with data, islands and every device's power", 4096 / slot, theirs, 100.0)
     yield over("the same, a batch of 1", 1 / single, theirs, None)
 
 
-def over(name: str, ours: float, theirs: float, least: float | None) -> Row:
-    found, note = ours / theirs, f"{ours:.3g}/s against {theirs:.3g}/s"
-    if least is None:
-        return Row(name, f"{found:.2g}x", "", None, note)
-    return Row(name, f"{found:,.0f}x", f">= {least:g}x", found >= least, note)
+def over(name: str, ours: float, theirs: float, target: float | None) -> Row:
+    times, note = ours / theirs, f"{ours:.3g}/s against {theirs:.3g}/s"
+    if target is None:
+        return Row(name, f"{times:.2g}x", "", None, note)
+    return Row(name, f"{times:,.0f}x", f">= {target:g}x", times >= target, note)

@@ -15,7 +15,7 @@ from resilience.models.network.powerflow import Flow, flow
 BATCH, SINGLE, ROUNDS = 4096, 10, 5
 HEADS = {"2-19": "19", "3-23": "23", "6-26": "26"}  # breakpoint: root of the island behind it
 BROKEN = 0.05  # share of the lines out where any line can fail
-WITHIN = 1e-6
+AGREEMENT_PU = 1e-6
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Members:
 def flows() -> Iterator[Row]:
     network = load_case("ieee33").network
     rng = np.random.default_rng(0)
-    at = [network.line(name) for name in HEADS]
+    breakpoints = [network.line(name) for name in HEADS]
     out = np.zeros((len(network.line_names), BATCH), bool)
     yield _row("AC flows/s, one topology", network, _members(network, rng, out), 500)
-    out[at] = rng.random((len(at), BATCH)) < 0.5
+    out[breakpoints] = rng.random((len(breakpoints), BATCH)) < 0.5
     yield _row("AC flows/s, three breakpoints", network, _members(network, rng, out), 100)
     out = rng.random((len(network.line_names), BATCH)) < BROKEN
     yield _row("AC flows/s, any line out", network, _members(network, rng, out), 100)
@@ -51,20 +51,20 @@ def _members(network: Network, rng: np.random.Generator, out: Any) -> Members:
     return Members(rng.uniform(-0.3, 0.15, root.shape), up, root)
 
 
-def _row(name: str, network: Network, given: Members, least: float) -> Row:
+def _row(name: str, network: Network, members: Members, min_ratio: float) -> Row:
     """Both sides start from arrays; pandapower's net is built beforehand, and only changed."""
     peer, slow, fast = Peer(network), [], []
     for turn in range(ROUNDS):
-        seconds, found = timed(given.flow, network)
+        seconds, batch = timed(members.flow, network)
         fast.append(seconds / BATCH)
         some = range(turn * SINGLE, (turn + 1) * SINGLE)
-        seconds, volts = timed(lambda chosen=some: [peer.voltage(given, k) for k in chosen])
+        seconds, volts = timed(lambda chosen=some: [peer.voltage(members, k) for k in chosen])
         slow.append(seconds / SINGLE)
         for k, v in zip(some, volts, strict=True):
-            np.testing.assert_allclose(found.v_pu[:, k], v, atol=WITHIN, rtol=0)
-    row = ratio(name, slow, fast, least)
+            np.testing.assert_allclose(batch.v_pu[:, k], v, atol=AGREEMENT_PU, rtol=0)
+    row = ratio(name, slow, fast, min_ratio)
     rate = [1.0 / float(np.median(times)) for times in (fast, slow)]
-    patterns = np.unique(np.concatenate([given.up, given.root]), axis=1).shape[1]
+    patterns = np.unique(np.concatenate([members.up, members.root]), axis=1).shape[1]
     note = f"{rate[0]:,.0f} against {rate[1]:,.0f} flows/s; {patterns} patterns in {BATCH:,}"
     return Row(row.name, row.measured, row.target, row.met, note)
 
@@ -88,12 +88,12 @@ class Peer:
             pp.create_ext_grid(self.net, bus)
         self.heads = heads
 
-    def voltage(self, given: Members, k: int) -> Any:
+    def voltage(self, members: Members, k: int) -> Any:
         import pandapower as pp
 
         net = self.net
-        net.line["in_service"] = given.up[:, k]
-        net.ext_grid["in_service"] = given.root[self.heads, k]
-        net.sgen["p_mw"], net.sgen["q_mvar"] = given.p[:, k], 0.5 * given.p[:, k]
+        net.line["in_service"] = members.up[:, k]
+        net.ext_grid["in_service"] = members.root[self.heads, k]
+        net.sgen["p_mw"], net.sgen["q_mvar"] = members.p[:, k], 0.5 * members.p[:, k]
         pp.runpp(net, numba=False)
         return net.res_bus.vm_pu.to_numpy()

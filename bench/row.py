@@ -23,16 +23,18 @@ class Row:
     note: str = ""
 
 
-def below(name: str, value: float, most: float, unit: str, note: str = "") -> Row:
-    return Row(name, f"{value:.3g} {unit}", f"< {most:g} {unit}", value < most, note)
+def below(name: str, value: float, limit: float, unit: str, note: str = "") -> Row:
+    return Row(name, f"{value:.3g} {unit}", f"< {limit:g} {unit}", value < limit, note)
 
 
-def ratio(name: str, slow: list[float], fast: list[float], least: float | None) -> Row:
+def ratio(name: str, slow: list[float], fast: list[float], min_ratio: float | None) -> Row:
     """Of the medians, in seconds, of two things measured alternately."""
-    a, b = float(np.median(slow)), float(np.median(fast))
-    met = None if least is None else a / b >= least
-    target = "" if least is None else f">= {least:g}x"
-    return Row(name, f"{a / b:.1f}x", target, met, f"{1e3 * a:.3g} ms against {1e3 * b:.3g} ms")
+    slow_s, fast_s = float(np.median(slow)), float(np.median(fast))
+    times = slow_s / fast_s
+    met = None if min_ratio is None else times >= min_ratio
+    target = "" if min_ratio is None else f">= {min_ratio:g}x"
+    note = f"{1e3 * slow_s:.3g} ms against {1e3 * fast_s:.3g} ms"
+    return Row(name, f"{times:.1f}x", target, met, note)
 
 
 def skipped(name: str, why: str) -> Row:
@@ -42,5 +44,5 @@ def skipped(name: str, why: str) -> Row:
 def timed(call: Callable[..., T], *arguments: Any) -> tuple[float, T]:
     """Seconds, and what the call returned."""
     began = time.perf_counter()
-    found = call(*arguments)
-    return time.perf_counter() - began, found
+    result = call(*arguments)
+    return time.perf_counter() - began, result

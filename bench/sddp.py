@@ -27,15 +27,16 @@ def training() -> Iterator[Row]:
     world = World.of(Microgrid.of(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
     book = Book(case, bell, cache=False)
     _, end = book.ends(world.end_value_per_mwh)
-    seconds, found = timed(book.cut_set, CENTRE, end)
+    seconds, cuts = timed(book.cut_set, CENTRE, end)
     begin = book.start, book.climate.levels.mean(axis=0)
-    bound = found.trained.root.value(*begin)
+    bound = cuts.trained.root.value(*begin)
     rng = np.random.default_rng(0)
-    costs = simulated(found.multistage, found.trained, begin, SIMULATED, rng)
+    costs = simulated(cuts.multistage, cuts.trained, begin, SIMULATED, rng)
     error = costs.std() / np.sqrt(SIMULATED)
     note = f"bound {bound:.2f} $, {SIMULATED} simulated days {costs.mean():.2f} ± {error:.2f} $"
     yield below(f"sddp, one storm centre of {CASE}", seconds, BUILD_S, "s", note)
     for paths, name in ((0, "cuts alone"), (PATHS, f"{PATHS} paths and cuts")):
-        run = simulate(world, Sddp(world, book, paths=paths))
-        each = 1e3 * run.seconds / run.cost.size
-        yield Row(f"sddp, a decision, {name}", f"{each:.3g} ms", "", None, f"{DRAWS} at a time")
+        trajectory = simulate(world, Sddp(world, book, paths=paths))
+        decision_ms = 1e3 * trajectory.seconds / trajectory.cost.size
+        measured = f"{decision_ms:.3g} ms"
+        yield Row(f"sddp, a decision, {name}", measured, "", None, f"{DRAWS} at a time")

@@ -47,19 +47,19 @@ class Bench:
     island: np.ndarray
 
     @classmethod
-    def of(cls, case: Case, batch: int) -> Bench:
+    def for_case(cls, case: Case, batch: int) -> Bench:
         simulator = Simulator(Microgrid.of(case, "copperplate"), case.step_h)
         rng = np.random.default_rng(0)
         up = np.ones((len(case.network.line_names), batch), bool)
         up[case.network.breakpoint] = rng.random((case.network.breakpoint.sum(), batch)) < 0.5
         energy = rng.uniform(simulator.low, simulator.high, (len(simulator.units), batch))
         action = rng.uniform(-2.0, 2.0, energy.shape)
-        found = cls(simulator, up, energy, action, np.empty(0), np.empty(0))
-        found.data, found.island = found.looked_up()
-        return found
+        bench = cls(simulator, up, energy, action, np.empty(0), np.empty(0))
+        bench.data, bench.island = bench.slot_data()
+        return bench
 
-    def looked_up(self) -> tuple[Floats, np.ndarray]:
-        """Data and islands of the slot, as every slot of a run needs them."""
+    def slot_data(self) -> tuple[Floats, np.ndarray]:
+        """Data and islands of the slot, as every slot of an episode needs them."""
         case, batch = self.simulator.microgrid.case, self.line_up.shape[1]
         slot = case.slots // 2
 
@@ -74,13 +74,13 @@ class Bench:
         return step.energy, step.cost, step.charge, step.discharge
 
     def with_flows(self) -> Floats:
-        found: Floats = self.simulator.step(self.energy, self.action, self.data, self.island).flows
-        return found
+        """Flows of every device, which a step works out only when they are asked for."""
+        return self.simulator.step(self.energy, self.action, self.data, self.island).flows
 
-    def whole(self) -> Floats:
-        data, island = self.looked_up()
-        found: Floats = self.simulator.step(self.energy, self.action, data, island).flows
-        return found
+    def with_data(self) -> Floats:
+        """The same with data and islands of the slot worked out anew."""
+        data, island = self.slot_data()
+        return self.simulator.step(self.energy, self.action, data, island).flows
 
     def named(self, name: str) -> Floats:
         """(devices, batch) of the data."""
@@ -98,7 +98,7 @@ class Hand:
         units, dt = case.ess, case.step_h
         size = np.array([[u.e_mwh] for u in units])
         self.low, self.high = units[0].soc_min * size, units[0].soc_max * size
-        self.most = np.array([[u.p_max_mw] for u in units])
+        self.p_max = np.array([[u.p_max_mw] for u in units])
         self.gain, self.drain = dt * units[0].efficiency_charge, dt / units[0].efficiency_discharge
         self.generators = np.array([[g.p_max_mw] for g in case.generator])
         self.total = self.generators.sum()
@@ -133,8 +133,8 @@ class Hand:
 
     def _closed(self) -> tuple:  # type: ignore[type-arg]
         energy = self.energy
-        low = -np.minimum(self.most, (energy - self.low) / self.drain)
-        high = np.minimum(self.most, (self.high - energy) / self.gain)
+        low = -np.minimum(self.p_max, (energy - self.low) / self.drain)
+        high = np.minimum(self.p_max, (self.high - energy) / self.gain)
         net = np.minimum(np.maximum(self.action, low), high)
         charge, discharge = np.maximum(net, 0.0), np.maximum(-net, 0.0)
         load, sun = self.load.sum(0), self.sun.sum(0)
@@ -186,25 +186,27 @@ def race(*calls: Callable[[], object]) -> list[float]:
     for _ in range(TURNS):
         for k, call in enumerate(calls):
             spent[k] += [timed(call)[0] for _ in range(CALLS)]
-    return [float(np.median(each)) for each in spent]
+    return [float(np.median(seconds)) for seconds in spent]
 
 
-def rate(name: str, batch: int, seconds: float, least: float | None) -> Row:
-    found = batch / seconds
-    target = "" if least is None else f">= {least:.2g}/s"
+def rate(name: str, batch: int, seconds: float, min_rate: float | None) -> Row:
+    per_second = batch / seconds
+    target = "" if min_rate is None else f">= {min_rate:.2g}/s"
+    met = None if min_rate is None else per_second >= min_rate
     note = f"{1e3 * seconds:.3g} ms per batch of {batch}"
-    return Row(name, f"{found:.3g}/s", target, None if least is None else found >= least, note)
+    return Row(name, f"{per_second:.3g}/s", target, met, note)
 
 
-def within(name: str, ours: float, theirs: float, most: float | None) -> Row:
+def within(name: str, ours: float, theirs: float, max_ratio: float | None) -> Row:
     note = f"{1e3 * ours:.3g} ms against {1e3 * theirs:.3g} ms"
-    target, met = ("", None) if most is None else (f"<= {most:g}x", ours / theirs <= most)
-    return Row(name, f"{ours / theirs:.2f}x", target, met, note)
+    times = ours / theirs
+    target, met = ("", None) if max_ratio is None else (f"<= {max_ratio:g}x", times <= max_ratio)
+    return Row(name, f"{times:.2f}x", target, met, note)
 
 
 def stepping() -> Iterator[Row]:
     """One bus against the step by hand, then islands; asserted equal in cost, states and flows."""
-    single = Bench.of(one_bus(load_case("ieee33")), 4096)
+    single = Bench.for_case(one_bus(load_case("ieee33")), 4096)
     gone = np.random.default_rng(1).random(4096) < 0.5
     single.named("grid.import_max")[0, gone] = 0.0
     single.named("grid.export_max")[0, gone] = 0.0
@@ -216,13 +218,13 @@ def stepping() -> Iterator[Row]:
         ours, theirs = race(single.step, hand.step)
         yield rate("step, 5 storage units on one bus", 4096, ours, 1e6)
         yield within("the same over a step by hand", ours, theirs, 3.0)
-        ours, theirs, whole = race(single.with_flows, hand.with_flows, single.whole)
+        ours, theirs, slot = race(single.with_flows, hand.with_flows, single.with_data)
         yield within("the same, every device's power worked out", ours, theirs, None)
-        yield rate("the same with data and islands of the slot", 4096, whole, None)
-        islands = Bench.of(load_case("ieee33"), 1024)
-        ours, whole = race(islands.step, islands.whole)
+        yield rate("the same with data and islands of the slot", 4096, slot, None)
+        islands = Bench.for_case(load_case("ieee33"), 1024)
+        ours, slot = race(islands.step, islands.with_data)
         yield rate("step, 33 buses with islands", 1024, ours, 2e5)
-        yield rate("the same with data, islands and every device's power", 1024, whole, None)
+        yield rate("the same with data, islands and every device's power", 1024, slot, None)
         yield rate("step, 33 buses with voltages (a linear program each)", 64, wired(64), None)
 
 
@@ -230,8 +232,8 @@ def wired(batch: int) -> float:
     """Seconds of a step on the feeder at lindistflow."""
     case = load_case("ieee33")
     simulator = NetworkSimulator(Microgrid.of(case, "lindistflow"), case.step_h)
-    bench = Bench.of(case, batch)
+    bench = Bench.for_case(case, batch)
     bench.simulator = simulator
-    bench.data, bench.island = bench.looked_up()
+    bench.data, bench.island = bench.slot_data()
     bench.step()
     return float(np.median([timed(bench.step)[0] for _ in range(3)]))

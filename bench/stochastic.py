@@ -57,21 +57,21 @@ def outages(case: Case, n: int, more: int, seed: int = 0) -> Scenarios:
     return Scenarios(("1-2", *closed), down, chance / chance.sum(), seed=seed)
 
 
-def _row(name: str, case: Case, physics: str, n: int, more: int, most: float) -> Row:
+def _row(name: str, case: Case, physics: str, n: int, more: int, limit_s: float) -> Row:
     scenarios = outages(case, n, more)
 
     def solve() -> tuple[ScenarioProgram, TwoStageSolution]:
         microgrid = grid_with_fallible_lines(case, scenarios, physics)
-        made = scenario_program(
+        program = scenario_program(
             microgrid, DistinctScenarios.among(scenarios, case), common_slots=COMMON
         )
         options = DecompositionOptions(
-            gap=GAP, workers=os.cpu_count() or 1, start=made.mean_states()
+            gap=GAP, workers=os.cpu_count() or 1, start=program.mean_states()
         )
-        return made, lshaped(made.two, options)
+        return program, lshaped(program.two, options)
 
-    seconds, (made, found) = timed(solve)
-    assert found.status == "optimal"
-    gap = (found.objective - found.bound) / abs(found.objective)
-    note = f"{made.storms.n} different, {found.iterations} rounds, gap {gap:.1e}"
-    return below(name, seconds, most, "s", note)
+    seconds, (program, solution) = timed(solve)
+    assert solution.status == "optimal"
+    gap = (solution.objective - solution.bound) / abs(solution.objective)
+    note = f"{program.storms.n} different, {solution.iterations} rounds, gap {gap:.1e}"
+    return below(name, seconds, limit_s, "s", note)

@@ -18,18 +18,18 @@ def test_build_of_96_slots(benchmark: BenchmarkFixture) -> None:
 
 
 def test_vectors_of_96_slots(benchmark: BenchmarkFixture) -> None:
-    problem = horizon(load_case("ieee33"))
-    benchmark(problem.standard.vectors, problem.data, problem.x0)
+    program = horizon(load_case("ieee33"))
+    benchmark(program.standard.vectors, program.data, program.x0)
 
 
 def test_resolve_of_8_slots(benchmark: BenchmarkFixture) -> None:
     case = load_case("ieee33")
     day, window = horizon(case), horizon(case.replace(slots=WINDOW)).standard
-    each = cycle(windows(day, window, np.arange(case.slots - WINDOW)))
+    starts = cycle(windows(day, window, np.arange(case.slots - WINDOW)))
     solver = Highs(relaxed(window), duals=False)
 
     def step() -> None:
-        data, x0 = next(each)
+        data, x0 = next(starts)
         solver.update(window.vectors(data, x0))
         assert solver.solve().status == "optimal"
 

@@ -35,11 +35,11 @@ def fields() -> Iterator[Row]:
     track = storm()
     for model in MODELS:
         seconds = [timed(lambda name=model: wind(track, lat, lon, model=name))[0] for _ in range(7)]
-        found = wind(track, lat, lon, model=model)
+        blown = wind(track, lat, lon, model=model)
         yield below(
             f"wind, {model}",
             float(np.median(seconds)),
             0.2,
             "s",
-            f"{POINTS} points, {TIMES} times; up to {found.speed_mps.max():.0f} m/s",
+            f"{POINTS} points, {TIMES} times; up to {blown.speed_mps.max():.0f} m/s",
         )
