@@ -17,7 +17,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.checks.parts import Parts
-from resilience.case.schema import PVTable, StormTable
+from resilience.case.schema import CloudTable, PVTable, StormTable
 from resilience.case.window import Window
 from resilience.earth.sphere import RADIUS_M
 
@@ -32,7 +32,7 @@ def under_cloud(
     plants, storm, window = tuple(plants), parts.storm, parts.window
     if storm is None or storm.cloud is None or not storm.points or window is None:
         return plants, {}
-    factor = cloud_factor(storm, window, *_middle(parts))
+    factor = _cloud_factor(storm, storm.cloud, window, _middle(parts))
     shaded, reduced = [], {}
     for plant in plants:
         name = (plant.profile or _CONSTANT) + _SUFFIX
@@ -55,17 +55,18 @@ def bare_profile(profile: str | None) -> str | None:
     return None if name == _CONSTANT else name
 
 
-def cloud_factor(storm: StormTable, window: Window, lat_deg: float, lon_deg: float) -> Floats:
-    """Share of PV output that a storm leaves in every slot, (slots,), at a place."""
-    assert storm.cloud is not None
+def _cloud_factor(
+    storm: StormTable, cloud: CloudTable, window: Window, place: tuple[float, float]
+) -> Floats:
+    """Share of PV output that a storm leaves in every slot, (slots,), at (latitude, longitude)."""
     first = storm.on_horizon(storm.points[0][0])
-    seconds = [(storm.on_horizon(p[0]) - first).total_seconds() for p in storm.points]
+    seconds = [(storm.on_horizon(point[0]) - first).total_seconds() for point in storm.points]
     start = (window.start - first).total_seconds()
     middle = start + 60.0 * window.step_min * (np.arange(window.slots) + 0.5)
-    lat = np.interp(middle, seconds, [p[1] for p in storm.points])
-    lon = np.interp(middle, seconds, np.unwrap([p[2] for p in storm.points], period=360.0))
-    share = np.minimum(_distance_km(lat, lon, lat_deg, lon_deg) / storm.cloud.radius_km, 1.0)
-    factor = storm.cloud.factor + (1.0 - storm.cloud.factor) * share
+    lat = np.interp(middle, seconds, [point[1] for point in storm.points])
+    lon = np.interp(middle, seconds, np.unwrap([point[2] for point in storm.points], period=360.0))
+    share = np.minimum(_distance_km(lat, lon, *place) / cloud.radius_km, 1.0)
+    factor = cloud.factor + (1.0 - cloud.factor) * share
     return np.where((middle >= seconds[0]) & (middle <= seconds[-1]), factor, 1.0)
 
 

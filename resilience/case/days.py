@@ -32,7 +32,7 @@ def held_out(case: Case, days: int | None = None) -> Case:
         return case.replace(outages=())
     days = USUAL_DAYS if days is None else days
     file = case.source.get("profiles", {}).get("file")
-    per_day = round(24 * 60 / case.step_min)
+    per_day = case.window.slots_per_day
     if file is None:
         if case.slots != days * per_day:
             raise UsageError(

@@ -80,7 +80,9 @@ def build_case(document: Document) -> Case:
     if document.mistakes or parts.network is None or parts.window is None:
         raise CaseError(document.mistakes)
     path, window = document.path, parts.window
-    devices: dict[str, Any] = {k: tuple(d for d, _ in v) for k, v in parts.devices.items()}
+    devices: dict[str, Any] = {
+        kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
+    }
     devices["pv"], reduced = under_cloud(devices["pv"], profiles, parts)
     return Case(
         name=head.name or (path.stem if path else "case"),
@@ -112,7 +114,8 @@ def _rebuild(case: Case, changes: dict[str, Any]) -> Case:
 def _read_head(document: Document) -> HeadTable:
     for key in document.data.keys() - CaseTable.model_fields.keys():
         document.add((key,), "", key, *unknown_key(CaseTable, key))
-    raw = {k: v for k, v in document.data.items() if k in HeadTable.model_fields}
+    data = document.data.items()
+    raw = {key: value for key, value in data if key in HeadTable.model_fields}
     head, _ = read_table(HeadTable, raw, document, "", ())
     defaults = document.data.get("defaults", {})
     read_table(DefaultsTable, defaults, document, "[defaults]", ("defaults",))

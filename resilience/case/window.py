@@ -13,7 +13,13 @@ _MINUTE = timedelta(minutes=1)
 
 @dataclass(frozen=True)
 class Window:
-    """`slots` slots of `step_min` minutes from `start` on."""
+    """Equal slots on a calendar.
+
+    Attributes:
+        start: when the first slot begins, local time.
+        slots: how many there are.
+        step_min: length of each, min.
+    """
 
     start: datetime
     slots: int
@@ -28,6 +34,17 @@ class Window:
     def longer_than_a_day(self) -> bool:
         """Whether a time of day alone does not name a slot."""
         return self.slots * self.step_min > 24 * 60
+
+    @property
+    def slots_per_day(self) -> int:
+        """Slots of a day; 1 where a slot is longer."""
+        return max(round(24.0 * 60.0 / self.step_min), 1)
+
+    @property
+    def slots_since_midnight(self) -> int:
+        """Slots from midnight to the start of the horizon."""
+        hours = self.start.hour + self.start.minute / 60.0
+        return round(hours / (self.step_min / 60.0))
 
     def time(self, t: int) -> datetime:
         """The time at which slot `t` starts."""

@@ -46,9 +46,9 @@ def stored_energy_value(case: Case, end_value_per_mwh: float) -> Floats:
     """
     price = energy_price(case)
     units = len(case.ess)
-    wear = np.array([u.degradation_cost_per_mwh for u in case.ess])
-    buy = price / np.array([u.efficiency_charge for u in case.ess])[:, None]
-    efficiency = np.array([u.efficiency_discharge for u in case.ess])[:, None]
+    wear = np.array([unit.degradation_cost_per_mwh for unit in case.ess])
+    buy = price / np.array([unit.efficiency_charge for unit in case.ess])[:, None]
+    efficiency = np.array([unit.efficiency_discharge for unit in case.ess])[:, None]
     sell = (price - wear[:, None]) * efficiency
     value = np.full((units, case.slots + 1), end_value_per_mwh)
     for t in range(case.slots - 1, -1, -1):

@@ -30,8 +30,8 @@ class Memory:
     def __init__(self, world: World, daily: bool = True) -> None:
         case, self.daily = world.microgrid.case, daily
         self.lines = [case.network.line(name) for name in world.scenarios.lines]
-        self.per_day = round(24.0 / case.step_h)
-        self.first = round((case.start.hour + case.start.minute / 60) / case.step_h)
+        self.per_day = case.window.slots_per_day
+        self.first = case.window.slots_since_midnight
         shape = (len(self.lines), world.scenarios.n)
         self.since = np.full(shape, -1)
         self.spent = np.zeros(shape, bool)

@@ -75,8 +75,9 @@ def _keys_in_file(parts: Parts, kind: str, name: str) -> set[str]:
 
 
 def _check_forming(parts: Parts) -> None:
-    units = [d for kind in ("grid", "ess", "generator") for d, _ in parts.devices.get(kind, [])]
-    if not any(d.grid_forming is not False for d in units):
+    kinds = ("grid", "ess", "generator")
+    units = [device for kind in kinds for device, _ in parts.devices.get(kind, [])]
+    if all(unit.grid_forming is False for unit in units):
         value = (
             f"false for all {len(units)} units"
             if units
@@ -122,9 +123,9 @@ def _check_voltages(parts: Parts, network: Network) -> None:
 def _check_connected(parts: Parts, network: Network) -> None:
     """Refuses parts that no usable line joins to the largest one and that have no [[grid]]."""
     grids = {
-        network.bus(g.bus)
-        for g, _ in parts.devices.get("grid", [])
-        if g.bus and network.has_bus(g.bus)
+        network.bus(grid.bus)
+        for grid, _ in parts.devices.get("grid", [])
+        if grid.bus and network.has_bus(grid.bus)
     }
     islands = [island for island in cut_off(network) if not grids.intersection(island)]
     if islands:
@@ -141,11 +142,10 @@ def cut_off(network: Network) -> list[list[int]]:
     """Parts without a path to the largest one, every usable line closed; positions of buses."""
     neighbours: list[list[int]] = [[] for _ in network.bus_names]
     usable = network.in_service | network.switchable
-    for a, b in zip(
-        network.from_bus[usable].tolist(), network.to_bus[usable].tolist(), strict=True
-    ):
-        neighbours[a].append(b)
-        neighbours[b].append(a)
+    ends = (network.from_bus[usable].tolist(), network.to_bus[usable].tolist())
+    for start, stop in zip(*ends, strict=True):
+        neighbours[start].append(stop)
+        neighbours[stop].append(start)
     unreached = set(range(len(network.bus_names)))
     parts = []
     while unreached:

@@ -36,7 +36,8 @@ def check_units(parts: Parts, network: Network) -> None:
 
 def _typical_mw(entries: list[tuple[Any, str]]) -> float:
     """The median power of a kind of device; infinite where there are too few to tell."""
-    powers = [p for d, _ in entries if (p := getattr(d, "p_max_mw", None)) is not None]
+    rated = [getattr(device, "p_max_mw", None) for device, _ in entries]
+    powers = [power for power in rated if power is not None]
     return median(powers) if len(powers) >= _MIN_DEVICES else math.inf
 
 

@@ -199,8 +199,8 @@ def _feeder(tables: dict[str, Floats]) -> Feeder:
     return Feeder(
         make_network([(names[int(row[0])], float(row[9])) for row in bus], branches),
         load=tuple(load),
-        generator=tuple(g for g in generators if g.bus not in reference),
-        grid=tuple(g for g in generators if g.bus in reference),
+        generator=tuple(device for device in generators if device.bus not in reference),
+        grid=tuple(device for device in generators if device.bus in reference),
     )
 
 

@@ -15,10 +15,10 @@ from resilience.errors import UsageError
 def did_you_mean(name: str, allowed: Iterable[str], *, max_listed: int = 8) -> str:
     """A hint that offers the nearest allowed names, or else the first few."""
     names = list(allowed)
-    folded = {n.casefold(): n for n in names}
+    folded = {candidate.casefold(): candidate for candidate in names}
     close = difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
     if close:
-        return "did you mean " + " or ".join(folded[c] for c in close) + "?"
+        return "did you mean " + " or ".join(folded[match] for match in close) + "?"
     if not names:
         return "there are none"
     more = f", ... ({len(names)} in all)" if len(names) > max_listed else ""
