@@ -10,75 +10,102 @@ A saved plan is a folder that appears whole or not at all:
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from datetime import datetime, timedelta
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar
 
 from resilience.errors import UsageError
 from resilience.files import replacing
-from resilience.planning.tables import UNITS, SlotTable
+from resilience.planning.records import (
+    SUMMARY,
+    Certificate,
+    CertifiedPlan,
+    Costs,
+    Horizon,
+    read_tables,
+    write_plan,
+)
+from resilience.planning.tables import UNITS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from resilience.case import Case
 
-
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, kw_only=True)
+class Plan(CertifiedPlan):
     """A dispatch plan, its certificate, and where its costs and its shedding come from.
 
+    What every plan has is documented in `records.CertifiedPlan`.
+
     Attributes:
-        objective: operating cost less terminal credit, $.
-        bound: proven lower bound on the objective, $; None where there is none.
-        gap: (objective - bound) / |objective|.
-        bound_of: the physics that the bound is valid for.
-        relaxed: facts of the model that the plan need not satisfy, in words.
-        audit: worst scaled violation per row, bound and structure.
-        costs: $ per term.
-        energy_mwh: the energy balance.
+        energy_mwh: the energy balance, MWh.
+        shed_mwh: energy not served, MWh.
         shed_by_load: MWh per load, and why it could not be served: {load: {reason: MWh}}.
         outages: the outages assumed, which the plan knows in advance.
-        seconds_by_phase: how long each phase took.
-        tables: see `UNITS`.
     """
 
-    name: str
-    method: str
-    physics: str
-    status: str
-    objective: float
-    operating_cost: float
-    terminal_credit: float
-    bound: float | None
-    gap: float | None
-    bound_of: str
-    relaxed: list[str]
-    notes: list[str]
-    audit: dict[str, float]
-    audit_worst: str
-    costs: dict[str, float]
+    summary_keys: ClassVar[tuple[str, ...]] = (
+        "name",
+        "method",
+        "physics",
+        "status",
+        "objective",
+        "operating_cost",
+        "terminal_credit",
+        "bound",
+        "gap",
+        "bound_of",
+        "relaxed",
+        "notes",
+        "audit",
+        "audit_worst",
+        "costs",
+        "energy_mwh",
+        "shed_mwh",
+        "shed_by_load",
+        "outages",
+        "start",
+        "step_min",
+        "seconds",
+        "seconds_by_phase",
+    )
+
     energy_mwh: dict[str, float]
     shed_mwh: float
     shed_by_load: dict[str, dict[str, float]]
     outages: list[str]
-    start: str
-    step_min: float
-    seconds: float
-    seconds_by_phase: dict[str, float]
-    tables: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
-    case: Case | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def bound(self) -> float | None:
+        """Proven lower bound on the objective, $; None where there is none."""
+        return self.certificate.bound
+
+    @property
+    def gap(self) -> float | None:
+        """(objective - bound) / |objective|; None without a bound."""
+        return self.certificate.gap
+
+    @property
+    def operating_cost(self) -> float:
+        """Sum of `costs`, $."""
+        return self.totals.operating_cost
+
+    @property
+    def terminal_credit(self) -> float:
+        """Worth of the energy left at the end, $."""
+        return self.totals.terminal_credit
+
+    @property
+    def costs(self) -> dict[str, float]:
+        """Operating cost by term, $."""
+        return self.totals.terms
 
     @property
     def times(self) -> list[datetime]:
         """Start of every slot."""
         slots = next(iter(self.tables.values())).values.shape[1]
-        first = datetime.fromisoformat(self.start)
-        return [first + timedelta(minutes=self.step_min * t) for t in range(slots)]
+        return self.horizon.times(slots)
 
     def frame(self, name: str) -> pd.DataFrame:
         """One table as a DataFrame indexed by time; see `UNITS` for names and units.
@@ -86,21 +113,12 @@ class Plan:
         Raises:
             UsageError: the plan has no such table.
         """
-        import pandas as pd
-
         if name not in self.tables:
             raise UsageError(
                 f"the plan has no table {name!r}; it has {', '.join(self.tables)}",
                 hint="voltages and reactive power need lindistflow or distflow",
             )
-        table = self.tables[name]
-        index = pd.DatetimeIndex(self.times, name="time")
-        return pd.DataFrame(table.values.T, index=index, columns=list(table.labels))
-
-    def summary(self) -> dict[str, Any]:
-        """Everything but the tables, as plain data."""
-        kept = [f.name for f in fields(self) if f.name not in ("tables", "case")]
-        return {key: getattr(self, key) for key in kept}
+        return self.horizon.frame(self.tables[name])
 
     def save(self, folder: str | Path) -> Path:
         """Writes the plan; an earlier result in the folder is replaced, anything else is refused.
@@ -108,17 +126,9 @@ class Plan:
         Raises:
             UsageError: the folder holds something that is no earlier result.
         """
-        with replacing(Path(folder), "summary.json") as target:
-            text = json.dumps(self.summary(), indent=2, allow_nan=False)
-            (target / "summary.json").write_text(text + "\n", encoding="utf-8")
-            if self.case is not None:
-                from resilience.case import case_text
-
-                (target / "case.toml").write_text(case_text(self.case), encoding="utf-8")
-            for name in self.tables:
-                frame = self.frame(name)
-                frame.to_parquet(target / f"{name}.parquet")
-                frame.to_csv(target / f"{name}.csv", float_format="%.9g")
+        with replacing(Path(folder), SUMMARY) as target:
+            frames = {name: self.frame(name) for name in self.tables}
+            write_plan(target, self.summary(), self.case, frames)
         return Path(folder)
 
 
@@ -128,28 +138,41 @@ def load_plan(folder: str | Path) -> Plan:
     Raises:
         UsageError: the folder holds no plan.
     """
-    import pandas as pd
-
     root = Path(folder)
-    if not (root / "summary.json").is_file():
+    if not (root / SUMMARY).is_file():
         raise UsageError(
-            f"{root} holds no result: there is no summary.json in it",
+            f"{root} holds no result: there is no {SUMMARY} in it",
             hint="name the folder that `solve --out` wrote; a hazard is drawn by `hazard --plot`",
         )
-    summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
-    if summary.keys() != {f.name for f in fields(Plan)} - {"tables", "case"}:
+    summary = json.loads((root / SUMMARY).read_text(encoding="utf-8"))
+    if summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",
             hint="load_scenario_plan reads plans over scenarios",
         )
-    tables = {}
-    for name in UNITS:
-        if (root / f"{name}.parquet").is_file():
-            frame = pd.read_parquet(root / f"{name}.parquet")
-            tables[name] = SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
     case = None
     if (root / "case.toml").is_file():
         from resilience.case import load_case
 
         case = load_case(root / "case.toml")
-    return Plan(**summary, tables=tables, case=case)
+    return Plan(
+        name=summary["name"],
+        method=summary["method"],
+        physics=summary["physics"],
+        certificate=Certificate.read(summary),
+        totals=Costs(
+            objective=summary["objective"],
+            operating_cost=summary["operating_cost"],
+            terminal_credit=summary["terminal_credit"],
+            terms=summary["costs"],
+        ),
+        horizon=Horizon(summary["start"], summary["step_min"]),
+        notes=summary["notes"],
+        seconds_by_phase=summary["seconds_by_phase"],
+        tables=read_tables(root, {name: name for name in UNITS}),
+        case=case,
+        energy_mwh=summary["energy_mwh"],
+        shed_mwh=summary["shed_mwh"],
+        shed_by_load=summary["shed_by_load"],
+        outages=summary["outages"],
+    )

@@ -14,23 +14,32 @@ A saved one is a folder that appears whole or not at all:
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from datetime import datetime, timedelta
+from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING, ClassVar
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import replacing
+from resilience.planning.records import (
+    SUMMARY,
+    Certificate,
+    CertifiedPlan,
+    Costs,
+    Horizon,
+    InformationValue,
+    ScenarioStatistics,
+    read_tables,
+    write_plan,
+)
 from resilience.planning.tables import UNITS, SlotTable
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from resilience.case import Case
     from resilience.fragility.outages.scenarios import Scenarios
 
 BANDS = {
@@ -40,87 +49,158 @@ BANDS = {
 """What there is a band of over scenarios, by the columns mean, low and high (5 and 95 %)."""
 LOW, HIGH = 0.05, 0.95
 MARK = "outages.npz"
-_DATA = ("tables", "bands", "episodes", "recourse", "outages", "case")
 
 
-@dataclass(frozen=True)
-class ScenarioPlan:
+@dataclass(frozen=True, kw_only=True)
+class ScenarioPlan(CertifiedPlan):
     """The common schedule, the recourse of every scenario, and what both are worth.
+
+    What every plan has is documented in `records.CertifiedPlan`; `tables` is the schedule of the
+    common slots, and in it `staying` the probability of being in the common schedule still.
 
     Attributes:
         algorithm: how it was found, in words.
         risk: the objective over scenarios, in words.
-        objective: of `risk`, $; costs are operating cost less terminal credit.
-        expected_cost, cvar_95_cost, worst_cost: of the scenarios, $.
-        bound: proven lower bound on the objective, $.
-        gap: (objective - bound) / |objective|.
-        bound_of: what the bound is a bound of.
-        clairvoyant_cost: `risk` of the costs if every scenario were known beforehand, $.
-        mean_value_cost: `risk` of the costs with the plan for mean data, $; None where undefined.
-        value_of_stochastic_solution: what the plan for the mean costs more, $.
-        value_of_perfect_information: what knowing the scenario beforehand would save, $.
-        expected_shed_mwh, shed_probability: of a scenario.
-        scenarios, different: number of scenarios, and of different ones among them.
-        common_slots: length of the common schedule.
-        half_left_at: when the probability of still following it first is below a half.
-        relaxed: facts of the model that the plan need not satisfy, in words.
-        audit: worst scaled violation per row, bound and structure, over all scenarios.
-        tables: the schedule of the common slots; see `tables.UNITS`. `staying` is the
-            probability of being in the common schedule still.
+        statistics: what happens over the scenarios.
+        worth: what planning so, and what knowing more, is worth.
+        scenarios: number of scenarios.
+        different: number of different ones among them.
+        seed: of the draw; None where nothing was drawn.
+        process: what the scenarios were drawn from, in words.
+        common_slots: length of the common schedule, slots.
+        half_left_at: when the probability of still following it first is below a half, ISO 8601;
+            None where that never is.
         bands: see `BANDS`, tables over all slots.
         episodes: (scenarios,) arrays: probability, leaves_slot, cost, operating_cost,
             terminal_credit, shed_mwh, end_energy_mwh, clairvoyant_cost.
-        recourse: power fed in, (devices, slots, scenarios) MW, as `UNITS["power"]`.
+        recourse: names of the devices, and the power they feed in, (devices, slots, scenarios)
+            MW, as `UNITS["power"]`.
+        outages: the scenarios; None where they were not kept.
     """
 
-    name: str
-    method: str
-    physics: str
+    summary_keys: ClassVar[tuple[str, ...]] = (
+        "name",
+        "method",
+        "physics",
+        "algorithm",
+        "status",
+        "risk",
+        "objective",
+        "expected_cost",
+        "cvar_95_cost",
+        "worst_cost",
+        "bound",
+        "gap",
+        "bound_of",
+        "clairvoyant_cost",
+        "mean_value_cost",
+        "value_of_stochastic_solution",
+        "value_of_perfect_information",
+        "expected_operating_cost",
+        "expected_terminal_credit",
+        "expected_shed_mwh",
+        "shed_probability",
+        "scenarios",
+        "different",
+        "seed",
+        "process",
+        "common_slots",
+        "half_left_at",
+        "relaxed",
+        "notes",
+        "audit",
+        "audit_worst",
+        "start",
+        "step_min",
+        "seconds",
+        "seconds_by_phase",
+    )
+
     algorithm: str
-    status: str
     risk: str
-    objective: float
-    expected_cost: float
-    cvar_95_cost: float
-    worst_cost: float
-    bound: float
-    gap: float
-    bound_of: str
-    clairvoyant_cost: float
-    mean_value_cost: float | None
-    value_of_stochastic_solution: float | None
-    value_of_perfect_information: float
-    expected_operating_cost: float
-    expected_terminal_credit: float
-    expected_shed_mwh: float
-    shed_probability: float
+    statistics: ScenarioStatistics
+    worth: InformationValue
     scenarios: int
     different: int
     seed: int | None
     process: str
     common_slots: int
     half_left_at: str | None
-    relaxed: list[str]
-    notes: list[str]
-    audit: dict[str, float]
-    audit_worst: str
-    start: str
-    step_min: float
-    seconds: float = 0.0
-    seconds_by_phase: dict[str, float] = field(default_factory=dict)
-    tables: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
-    bands: Mapping[str, SlotTable] = field(default_factory=dict, repr=False)
-    episodes: Mapping[str, Floats] = field(default_factory=dict, repr=False)
-    recourse: tuple[tuple[str, ...], Floats] = field(
-        default=((), np.empty((0, 0, 0))), repr=False, compare=False
-    )
-    outages: Scenarios | None = field(default=None, repr=False, compare=False)
-    case: Case | None = field(default=None, repr=False, compare=False)
+    bands: Mapping[str, SlotTable] = field(repr=False)
+    episodes: Mapping[str, Floats] = field(repr=False)
+    recourse: tuple[tuple[str, ...], Floats] = field(repr=False, compare=False)
+    outages: Scenarios | None = field(repr=False, compare=False)
+
+    @property
+    def bound(self) -> float:
+        """Proven lower bound on the objective, $; -inf where there is none."""
+        bound = self.certificate.bound
+        return -math.inf if bound is None else bound
+
+    @property
+    def gap(self) -> float:
+        """(objective - bound) / |objective|; inf without a bound."""
+        gap = self.certificate.gap
+        return math.inf if gap is None else gap
+
+    @property
+    def expected_operating_cost(self) -> float:
+        """Mean by probability, $."""
+        return self.totals.operating_cost
+
+    @property
+    def expected_terminal_credit(self) -> float:
+        """Mean worth of the energy left at the end, $."""
+        return self.totals.terminal_credit
+
+    @property
+    def expected_cost(self) -> float:
+        """Mean of operating cost less terminal credit, $."""
+        return self.statistics.expected_cost
+
+    @property
+    def cvar_95_cost(self) -> float:
+        """Mean cost of the worst 5 % of the scenarios, $."""
+        return self.statistics.cvar_95_cost
+
+    @property
+    def worst_cost(self) -> float:
+        """Cost of the dearest scenario, $."""
+        return self.statistics.worst_cost
+
+    @property
+    def expected_shed_mwh(self) -> float:
+        """Mean energy not served, MWh."""
+        return self.statistics.expected_shed_mwh
+
+    @property
+    def shed_probability(self) -> float:
+        """Probability of shedding anything at all."""
+        return self.statistics.shed_probability
+
+    @property
+    def clairvoyant_cost(self) -> float:
+        """Risk of the costs if every scenario were known beforehand, $."""
+        return self.worth.clairvoyant_cost
+
+    @property
+    def mean_value_cost(self) -> float | None:
+        """Risk of the costs with the plan for mean data, $; None where undefined."""
+        return self.worth.mean_value_cost
+
+    @property
+    def value_of_stochastic_solution(self) -> float | None:
+        """What the plan for the mean costs more, $; None where undefined."""
+        return self.worth.value_of_stochastic_solution
+
+    @property
+    def value_of_perfect_information(self) -> float:
+        """What knowing the scenario beforehand would save, $."""
+        return self.worth.value_of_perfect_information
 
     def times(self, slots: int) -> list[datetime]:
         """Start of each of the first slots."""
-        first = datetime.fromisoformat(self.start)
-        return [first + timedelta(minutes=self.step_min * t) for t in range(slots)]
+        return self.horizon.times(slots)
 
     def frame(self, name: str) -> pd.DataFrame:
         """A table of the common schedule, or `band_energy`, `band_shed`, `scenarios`, `recourse`.
@@ -135,15 +215,13 @@ class ScenarioPlan:
             return rows.rename_axis("scenario")
         if name == "recourse":
             return self._recourse_frame()
-        found = {**self.tables, **{f"band_{k}": table for k, table in self.bands.items()}}
-        if name not in found:
+        tables = {**self.tables, **{f"band_{k}": table for k, table in self.bands.items()}}
+        if name not in tables:
             raise UsageError(
-                f"the plan has no table {name!r}; it has {', '.join(found)}, scenarios, recourse",
+                f"the plan has no table {name!r}; it has {', '.join(tables)}, scenarios, recourse",
                 hint="voltages need lindistflow",
             )
-        table = found[name]
-        index = pd.DatetimeIndex(self.times(table.values.shape[1]), name="time")
-        return pd.DataFrame(table.values.T, index=index, columns=list(table.labels))
+        return self.horizon.frame(tables[name])
 
     def _recourse_frame(self) -> pd.DataFrame:
         import pandas as pd
@@ -156,36 +234,25 @@ class ScenarioPlan:
         flat = power.transpose(2, 1, 0).reshape(n * slots, len(labels))
         return pd.DataFrame(flat, index=index, columns=list(labels))
 
-    def summary(self) -> dict[str, Any]:
-        """Everything but the tables, as plain data."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _DATA}
-
     def save(self, folder: str | Path) -> Path:
         """Writes the plan; an earlier result in the folder is replaced, anything else is refused.
 
         Raises:
             UsageError: the folder holds something that is no earlier result.
         """
-        with replacing(Path(folder), "summary.json") as target:
-            text = json.dumps(self.summary(), indent=2, allow_nan=False)
-            (target / "summary.json").write_text(text + "\n", encoding="utf-8")
-            if self.case is not None:
-                from resilience.case import case_text
-
-                (target / "case.toml").write_text(case_text(self.case), encoding="utf-8")
+        names = (*self.tables, *(f"band_{k}" for k in self.bands), "scenarios")
+        with replacing(Path(folder), SUMMARY) as target:
+            frames = {name: self.frame(name) for name in names}
+            write_plan(target, self.summary(), self.case, frames)
             if self.outages is not None:
                 self.outages.save(target / MARK)
-            for name in (*self.tables, *(f"band_{k}" for k in self.bands), "scenarios"):
-                frame = self.frame(name)
-                frame.to_parquet(target / f"{name}.parquet")
-                frame.to_csv(target / f"{name}.csv", float_format="%.9g")
             self.frame("recourse").to_parquet(target / "recourse.parquet")
         return Path(folder)
 
 
 def holds_scenario_plan(folder: str | Path) -> bool:
     """Whether `ScenarioPlan.save` wrote this folder."""
-    path = Path(folder) / "summary.json"
+    path = Path(folder) / SUMMARY
     return path.is_file() and "common_slots" in json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -206,24 +273,38 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
             f"{root} holds no plan over scenarios",
             hint="`resilience solve CASE --method stochastic --out FOLDER` writes one",
         )
-
-    def table(name: str) -> SlotTable:
-        frame = pd.read_parquet(root / f"{name}.parquet")
-        return SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
-
-    def there(names: list[str], prefix: str = "") -> dict[str, SlotTable]:
-        return {k: table(prefix + k) for k in names if (root / f"{prefix}{k}.parquet").is_file()}
-
+    summary = json.loads((root / SUMMARY).read_text(encoding="utf-8"))
     case = load_case(root / "case.toml")
     episodes = pd.read_parquet(root / "scenarios.parquet")
     power = pd.read_parquet(root / "recourse.parquet")
     shape = (len(episodes), len(power) // max(len(episodes), 1), power.shape[1])
     return ScenarioPlan(
-        **json.loads((root / "summary.json").read_text(encoding="utf-8")),
-        tables=there([*UNITS, "staying"]),
-        bands=there(list(BANDS), "band_"),
+        name=summary["name"],
+        method=summary["method"],
+        physics=summary["physics"],
+        certificate=Certificate.read(summary),
+        totals=Costs(
+            objective=summary["objective"],
+            operating_cost=summary["expected_operating_cost"],
+            terminal_credit=summary["expected_terminal_credit"],
+        ),
+        horizon=Horizon(summary["start"], summary["step_min"]),
+        notes=summary["notes"],
+        seconds_by_phase=summary["seconds_by_phase"],
+        tables=read_tables(root, {name: name for name in (*UNITS, "staying")}),
+        case=case,
+        algorithm=summary["algorithm"],
+        risk=summary["risk"],
+        statistics=ScenarioStatistics.read(summary),
+        worth=InformationValue.read(summary),
+        scenarios=summary["scenarios"],
+        different=summary["different"],
+        seed=summary["seed"],
+        process=summary["process"],
+        common_slots=summary["common_slots"],
+        half_left_at=summary["half_left_at"],
+        bands=read_tables(root, {name: f"band_{name}" for name in BANDS}),
         episodes={str(name): episodes[name].to_numpy() for name in episodes},
         recourse=(tuple(power.columns), power.to_numpy().reshape(shape).transpose(2, 1, 0)),
         outages=load_scenarios(root / MARK, case),
-        case=case,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Unpack, cast, overload
 
@@ -21,8 +21,9 @@ from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
 from resilience.planning.plan import Plan
 from resilience.planning.reasons import shed_reasons
-from resilience.planning.solve_scenarios import ScenarioOptions
-from resilience.planning.tables import balance, tabulate
+from resilience.planning.records import Certificate, Costs, Horizon
+from resilience.planning.scenario_options import ScenarioOptions
+from resilience.planning.tables import SlotTable, balance, tabulate
 from resilience.progress import phase, stopwatch
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
 
@@ -93,25 +94,16 @@ def solve(
         InfeasibleError: no plan satisfies the model; the message names what conflicts.
         SolverError: no plan was found in time.
     """
-    scenario_based = _over_scenarios(method, options)
-    found: Plan | ScenarioPlan
-    with stopwatch() as seconds:
-        with phase("case"):
-            case = case if isinstance(case, Case) else load_case(case)
-        if scenario_based:
-            from resilience.planning.solve_scenarios import plan_over_scenarios
+    if _is_over_scenarios(method, options):
+        from resilience.planning.solve_scenarios import plan_over_scenarios
 
-            limits = MethodOptions(
-                time_limit, SCENARIO_GAP if relative_gap is None else relative_gap
-            )
-            found = plan_over_scenarios(case, method, physics, outages, seed, limits, options)
-        else:
-            limits = MethodOptions(time_limit, PLAN_GAP if relative_gap is None else relative_gap)
-            found = _deterministic(case, method, physics, outages, seed, limits)
-    return replace(found, seconds=sum(seconds.values()), seconds_by_phase=seconds)
+        limits = MethodOptions(time_limit, SCENARIO_GAP if relative_gap is None else relative_gap)
+        return plan_over_scenarios(case, method, physics, outages, seed, limits, options)
+    limits = MethodOptions(time_limit, PLAN_GAP if relative_gap is None else relative_gap)
+    return plan_known_outages(case, method, physics, outages, seed, limits)
 
 
-def _over_scenarios(method: str, options: ScenarioOptions) -> bool:
+def _is_over_scenarios(method: str, options: ScenarioOptions) -> bool:
     """Whether a method plans over scenarios.
 
     Raises:
@@ -125,36 +117,57 @@ def _over_scenarios(method: str, options: ScenarioOptions) -> bool:
             f"method {method!r} is unknown; allowed: {', '.join(names)}",
             hint="minlp is the default; lp is the fastest; stochastic does not know the outages",
         )
-    taken = ScenarioOptions.__annotations__ if method == "stochastic" else {"scenarios"}
-    given = [key for key, value in options.items() if value is not None]
-    wrong = [key for key in given if method in METHODS or key not in taken]
+    allowed = ScenarioOptions.__annotations__ if method == "stochastic" else {"scenarios"}
+    wrong = [
+        key
+        for key, value in options.items()
+        if value is not None and (method in METHODS or key not in allowed)
+    ]
     if wrong:
-        what = "knows its outages" if method in METHODS else "is simulated"
+        reason = "knows its outages" if method in METHODS else "is simulated"
         raise UsageError(
-            f"method {method} {what} and takes no {', '.join(wrong)}",
+            f"method {method} {reason} and takes no {', '.join(wrong)}",
             hint="--method stochastic plans over scenarios",
         )
     return method not in METHODS
 
 
-def _deterministic(
-    case: Case,
+def plan_known_outages(
+    case: Case | str | Path,
     method: str,
     physics: Physics | None,
     outages: str | Path | None,
     seed: int | None,
-    options: MethodOptions,
+    limits: MethodOptions,
 ) -> Plan:
-    """The best plan where the outages are known in advance."""
-    with phase("case"):
-        if outages is not None or seed is not None:
-            case = case.replace(outages=outages_from(outages, case, seed))
-    find, usual = METHODS[method]
-    with phase("model"):
-        program = horizon(case, physics or usual)
-    answer = find(program, options)
-    with phase("audit"):
-        return describe(program, answer, method)
+    """The best plan where the outages are known in advance; arguments as for `solve`."""
+    with stopwatch() as seconds:
+        with phase("case"):
+            case = case if isinstance(case, Case) else load_case(case)
+            if outages is not None or seed is not None:
+                case = case.replace(outages=outages_from(outages, case, seed))
+        find_point, default_physics = METHODS[method]
+        with phase("model"):
+            program = horizon(case, physics or default_physics)
+        result = find_point(program, limits)
+        with phase("audit"):
+            point = audited_point(program, result)
+    return Plan(
+        name=case.name,
+        method=method,
+        physics=program.microgrid.physics,
+        certificate=point.certificate,
+        totals=point.totals,
+        horizon=Horizon.of_case(case),
+        notes=result.notes,
+        seconds_by_phase=seconds,
+        tables=point.tables,
+        case=case,
+        energy_mwh=point.energy_mwh,
+        shed_mwh=point.energy_mwh["shed"],
+        shed_by_load=point.shed_by_load,
+        outages=outage_texts(case.outages, case.window),
+    )
 
 
 def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
@@ -181,44 +194,49 @@ def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
         model.write(fresh)
 
 
-def describe(program: CaseProgram, answer: MethodResult, method: str) -> Plan:
-    """A plan from the numbers of an answer: settled, audited, and put into tables."""
-    case = program.case
-    z = settle(program.standard, answer.z, program.vectors)
+@dataclass(frozen=True)
+class AuditedPoint:
+    """A method's point, settled and audited: what the numbers of a plan are.
+
+    Attributes:
+        certificate: its bound and what the referee says.
+        totals: what it costs.
+        tables: every quantity by slot.
+        energy_mwh: the energy balance, MWh.
+        shed_by_load: {load: {reason: MWh}}.
+    """
+
+    certificate: Certificate
+    totals: Costs
+    tables: dict[str, SlotTable]
+    energy_mwh: dict[str, float]
+    shed_by_load: dict[str, dict[str, float]]
+
+
+def audited_point(program: CaseProgram, result: MethodResult) -> AuditedPoint:
+    """The point of a method's result, settled, audited, and put into tables."""
+    z = settle(program.standard, result.z, program.vectors)
     checked = audit(program.standard, z, program.vectors)
     terms = program.standard.cost_terms(z, program.data)
     costs = {name: float(spent.sum()) for name, spent in terms.items()}
-    operating = sum(costs.values())
-    credit = _credit(program, z)
-    bound = answer.bound if np.isfinite(answer.bound) else None
-    tables = tabulate(program, z)
-    energy, reasons = balance(case, tables), shed_reasons(program, z)
-    return Plan(
-        name=case.name,
-        method=method,
-        physics=program.microgrid.physics,
-        status=answer.status,
-        objective=operating - credit,
-        operating_cost=operating,
-        terminal_credit=credit,
+    operating, credit = sum(costs.values()), _credit(program, z)
+    bound = result.bound if np.isfinite(result.bound) else None
+    certificate = Certificate(
+        status=result.status,
         bound=bound,
         gap=None if bound is None else gap(operating - credit, bound),
-        bound_of=answer.bound_of,
-        relaxed=answer.relaxed,
-        notes=answer.notes,
+        bound_of=result.bound_of,
+        relaxed=result.relaxed,
         audit=checked.worst,
         audit_worst=checked.name,
-        costs=costs,
-        energy_mwh=energy,
-        shed_mwh=energy["shed"],
-        shed_by_load=reasons,
-        outages=outage_texts(case.outages, case.window),
-        start=case.start.isoformat(),
-        step_min=case.step_min,
-        seconds=0.0,
-        seconds_by_phase={},
-        tables=tables,
-        case=case,
+    )
+    tables = tabulate(program, z)
+    return AuditedPoint(
+        certificate,
+        Costs(operating - credit, operating, credit, costs),
+        tables,
+        balance(program.case, tables),
+        shed_reasons(program, z),
     )
 
 

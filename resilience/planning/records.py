@@ -1,0 +1,283 @@
+"""What plans of every kind share: certificate, costs, horizon, and how they are written."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from resilience.planning.tables import SlotTable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from resilience.case import Case
+    from resilience.models.backends.base import Status
+
+SUMMARY = "summary.json"
+"""The file that a folder with a result is known by."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How far a plan is from the best possible, and what of the model it satisfies.
+
+    Attributes:
+        status: optimal (within the gap asked for) or feasible (the best found in time).
+        bound: proven lower bound on the objective, $; None where there is none.
+        gap: (objective - bound) / |objective|; None without a bound.
+        bound_of: the model that the bound is valid for, in words.
+        relaxed: facts of the model that the plan need not satisfy, in words.
+        audit: worst scaled violation per row, bound and structure.
+        audit_worst: where the worst of these is, empty where nothing was audited.
+    """
+
+    status: Status
+    bound: float | None
+    gap: float | None
+    bound_of: str
+    relaxed: list[str]
+    audit: dict[str, float]
+    audit_worst: str
+
+    @classmethod
+    def read(cls, summary: Mapping[str, Any]) -> Certificate:
+        """The certificate in what `summary` of a plan gave."""
+        return cls(
+            status=summary["status"],
+            bound=summary["bound"],
+            gap=summary["gap"],
+            bound_of=summary["bound_of"],
+            relaxed=summary["relaxed"],
+            audit=summary["audit"],
+            audit_worst=summary["audit_worst"],
+        )
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a plan costs.
+
+    Attributes:
+        objective: what is minimised, $: operating cost less terminal credit; of a plan over
+            scenarios its risk.
+        operating_cost: $; of a plan over scenarios the expected one.
+        terminal_credit: worth of the energy left at the end, $; the expected one likewise.
+        terms: $ per term of the operating cost; empty where the terms are not told apart.
+    """
+
+    objective: float
+    operating_cost: float
+    terminal_credit: float
+    terms: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ScenarioStatistics:
+    """What happens over the scenarios; costs are operating cost less terminal credit.
+
+    Attributes:
+        expected_cost: mean by probability, $.
+        cvar_95_cost: mean of the worst 5 %, $.
+        worst_cost: of the dearest scenario, $.
+        expected_shed_mwh: energy not served, MWh.
+        shed_probability: of shedding anything at all.
+    """
+
+    expected_cost: float
+    cvar_95_cost: float
+    worst_cost: float
+    expected_shed_mwh: float
+    shed_probability: float
+
+    @classmethod
+    def read(cls, summary: Mapping[str, Any]) -> ScenarioStatistics:
+        """The statistics in what `summary` of a plan gave."""
+        return cls(
+            expected_cost=summary["expected_cost"],
+            cvar_95_cost=summary["cvar_95_cost"],
+            worst_cost=summary["worst_cost"],
+            expected_shed_mwh=summary["expected_shed_mwh"],
+            shed_probability=summary["shed_probability"],
+        )
+
+
+@dataclass(frozen=True)
+class InformationValue:
+    """What it is worth to plan over scenarios, and what it would be worth to know them.
+
+    Attributes:
+        clairvoyant_cost: risk of the costs if every scenario were known beforehand, $.
+        mean_value_cost: risk of the costs with the plan for mean data, $; None where undefined.
+        value_of_stochastic_solution: what the plan for the mean costs more, $; None likewise.
+        value_of_perfect_information: what knowing the scenario beforehand would save, $.
+    """
+
+    clairvoyant_cost: float
+    mean_value_cost: float | None
+    value_of_stochastic_solution: float | None
+    value_of_perfect_information: float
+
+    @classmethod
+    def read(cls, summary: Mapping[str, Any]) -> InformationValue:
+        """The values in what `summary` of a plan gave."""
+        return cls(
+            clairvoyant_cost=summary["clairvoyant_cost"],
+            mean_value_cost=summary["mean_value_cost"],
+            value_of_stochastic_solution=summary["value_of_stochastic_solution"],
+            value_of_perfect_information=summary["value_of_perfect_information"],
+        )
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """When the slots of a plan are.
+
+    Attributes:
+        start: start of the first slot, ISO 8601, local time.
+        step_min: length of a slot, min.
+    """
+
+    start: str
+    step_min: float
+
+    @classmethod
+    def of_case(cls, case: Case) -> Horizon:
+        """The horizon that a case is planned for."""
+        return cls(case.start.isoformat(), case.step_min)
+
+    def times(self, slots: int) -> list[datetime]:
+        """Start of each of the first slots."""
+        first = datetime.fromisoformat(self.start)
+        return [first + timedelta(minutes=self.step_min * t) for t in range(slots)]
+
+    def frame(self, table: SlotTable) -> pd.DataFrame:
+        """A table as a DataFrame: a row per slot by its time, a column per label."""
+        import pandas as pd
+
+        index = pd.DatetimeIndex(self.times(table.values.shape[1]), name="time")
+        return pd.DataFrame(table.values.T, index=index, columns=list(table.labels))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedPlan:
+    """What every plan has; its parts can be read from the plan itself, as `plan.objective`.
+
+    Attributes:
+        name: the case's.
+        method: how it was asked for, as `--method`.
+        physics: copperplate, lindistflow or distflow.
+        certificate: bound, gap, and what the referee says.
+        totals: what the plan costs.
+        horizon: when its slots are.
+        notes: what else a reader should know, in words.
+        seconds_by_phase: how long each phase took.
+        tables: every quantity by slot; see `tables.UNITS`.
+        case: the case as solved; None where it was not kept.
+    """
+
+    summary_keys: ClassVar[tuple[str, ...]] = ()
+
+    name: str
+    method: str
+    physics: str
+    certificate: Certificate
+    totals: Costs
+    horizon: Horizon
+    notes: list[str]
+    seconds_by_phase: dict[str, float]
+    tables: Mapping[str, SlotTable] = field(repr=False)
+    case: Case | None = field(repr=False, compare=False)
+
+    @property
+    def status(self) -> Status:
+        """Optimal (within the gap asked for) or feasible."""
+        return self.certificate.status
+
+    @property
+    def bound_of(self) -> str:
+        """The model that the bound is valid for, in words."""
+        return self.certificate.bound_of
+
+    @property
+    def relaxed(self) -> list[str]:
+        """Facts of the model that the plan need not satisfy, in words."""
+        return self.certificate.relaxed
+
+    @property
+    def audit(self) -> dict[str, float]:
+        """Worst scaled violation per row, bound and structure."""
+        return self.certificate.audit
+
+    @property
+    def audit_worst(self) -> str:
+        """Where the worst violation is."""
+        return self.certificate.audit_worst
+
+    @property
+    def objective(self) -> float:
+        """What was minimised, $."""
+        return self.totals.objective
+
+    @property
+    def start(self) -> str:
+        """Start of the first slot, ISO 8601."""
+        return self.horizon.start
+
+    @property
+    def step_min(self) -> float:
+        """Length of a slot, min."""
+        return self.horizon.step_min
+
+    @property
+    def seconds(self) -> float:
+        """How long all phases took together."""
+        return sum(self.seconds_by_phase.values())
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the tables, as plain data."""
+        return {key: getattr(self, key) for key in self.summary_keys}
+
+
+def write_plan(
+    target: Path, summary: Mapping[str, Any], case: Case | None, frames: Mapping[str, pd.DataFrame]
+) -> None:
+    """Writes what every plan's folder holds.
+
+    Args:
+        target: the folder.
+        summary: what stands in `summary.json`.
+        case: the case as solved, if it is known.
+        frames: tables by name, written as .parquet and .csv.
+    """
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    (target / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    if case is not None:
+        from resilience.case import case_text
+
+        (target / "case.toml").write_text(case_text(case), encoding="utf-8")
+    for name, frame in frames.items():
+        frame.to_parquet(target / f"{name}.parquet")
+        frame.to_csv(target / f"{name}.csv", float_format="%.9g")
+
+
+def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:
+    """The tables that a plan's folder holds.
+
+    Args:
+        folder: where `write_plan` wrote them.
+        names: name of a table to that of its file; those without a file are left out.
+    """
+    import numpy as np
+    import pandas as pd
+
+    tables = {}
+    for name, stem in names.items():
+        path = folder / f"{stem}.parquet"
+        if path.is_file():
+            frame = pd.read_parquet(path)
+            tables[name] = SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
+    return tables

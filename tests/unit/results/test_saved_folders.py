@@ -1,0 +1,136 @@
+"""Folders that earlier versions saved load, and are written again to the letter."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from small import small
+
+import resilience as rs
+from resilience.case import case_text
+
+PLAN: dict[str, Any] = {
+    "name": "small",
+    "method": "lp",
+    "physics": "lindistflow",
+    "status": "optimal",
+    "objective": 7.5,
+    "operating_cost": 8.0,
+    "terminal_credit": 0.5,
+    "bound": None,
+    "gap": None,
+    "bound_of": "lindistflow",
+    "relaxed": ["ess: 1 of 2 mode elements are in two modes at once"],
+    "notes": ["the time limit ended the search; this is the best plan found"],
+    "audit": {"balance.p": 0.0, "ess": 0.25},
+    "audit_worst": "ess[ess1, 00:00]",
+    "costs": {"grid.import": 8.0},
+    "energy_mwh": {"demand": 4.0, "shed": 0.0, "import": 4.0, "losses": 0.0},
+    "shed_mwh": 0.0,
+    "shed_by_load": {"load1": {"power": 0.5}},
+    "outages": ["1-2@00:00-01:00"],
+    "start": "2016-07-12T00:00:00",
+    "step_min": 60.0,
+    "seconds": 0.75,
+    "seconds_by_phase": {"case": 0.25, "model": 0.5},
+}
+"""`summary.json` of version 0.1."""
+
+SCENARIO_PLAN: dict[str, Any] = {
+    "name": "small",
+    "method": "stochastic",
+    "physics": "copperplate",
+    "algorithm": "extensive form",
+    "status": "optimal",
+    "risk": "expected cost",
+    "objective": 8.0,
+    "expected_cost": 8.0,
+    "cvar_95_cost": 9.5,
+    "worst_cost": 9.5,
+    "bound": 7.75,
+    "gap": 0.03125,
+    "bound_of": "two-stage program on copperplate",
+    "clairvoyant_cost": 7.75,
+    "mean_value_cost": None,
+    "value_of_stochastic_solution": None,
+    "value_of_perfect_information": 0.25,
+    "expected_operating_cost": 8.5,
+    "expected_terminal_credit": 0.5,
+    "expected_shed_mwh": 0.25,
+    "shed_probability": 0.5,
+    "scenarios": 2,
+    "different": 2,
+    "seed": None,
+    "process": "",
+    "common_slots": 1,
+    "half_left_at": "2016-07-12T01:00:00",
+    "relaxed": [],
+    "notes": [],
+    "audit": {"balance.p": 0.0},
+    "audit_worst": "balance.p[1, 00:00] in scenario 1",
+    "start": "2016-07-12T00:00:00",
+    "step_min": 60.0,
+    "seconds": 0.75,
+    "seconds_by_phase": {"case": 0.25, "model": 0.5},
+}
+"""The same of a plan over scenarios."""
+
+
+GRID = {"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}
+
+
+def written(folder: Path, summary: dict[str, Any]) -> str:
+    text = json.dumps(summary, indent=2) + "\n"
+    folder.mkdir()
+    (folder / "summary.json").write_text(text, encoding="utf-8")
+    return text
+
+
+def test_a_plan_of_an_earlier_version_loads(tmp_path: Path) -> None:
+    text = written(tmp_path / "old", PLAN)
+    plan = rs.load_plan(tmp_path / "old")
+    assert list(plan.summary()) == list(PLAN)
+    for key, value in PLAN.items():
+        assert getattr(plan, key) == value, key
+    assert plan.case is None
+    plan.save(tmp_path / "new")
+    assert (tmp_path / "new" / "summary.json").read_text(encoding="utf-8") == text
+
+
+def test_a_plan_over_scenarios_of_an_earlier_version_loads(tmp_path: Path) -> None:
+    folder = tmp_path / "old"
+    text = written(folder, SCENARIO_PLAN)
+    case = small(buses=2, lines=[(1, 2, 0.0, 0.0)], grid=[GRID])
+    (folder / "case.toml").write_text(case_text(case), encoding="utf-8")
+    down = np.array([[[False, False], [True, False]]])
+    rs.Scenarios(("1-2",), down, np.array([0.5, 0.5])).save(folder / "outages.npz")
+    pd.DataFrame({"probability": [0.5, 0.5], "cost": [9.5, 6.5]}).to_parquet(
+        folder / "scenarios.parquet"
+    )
+    pd.DataFrame({"grid1": [1.0, 2.0, 3.0, 4.0]}).to_parquet(folder / "recourse.parquet")
+    pd.DataFrame({"probability": [1.0]}).to_parquet(folder / "staying.parquet")
+    plan = rs.load_scenario_plan(folder)
+    assert list(plan.summary()) == list(SCENARIO_PLAN)
+    for key, value in SCENARIO_PLAN.items():
+        assert getattr(plan, key) == value, key
+    np.testing.assert_array_equal(plan.recourse[1], [[[1.0, 3.0], [2.0, 4.0]]])
+    np.testing.assert_array_equal(plan.tables["staying"]["probability"], [1.0])
+    plan.save(tmp_path / "new")
+    assert (tmp_path / "new" / "summary.json").read_text(encoding="utf-8") == text
+
+
+def test_a_summary_with_a_key_too_many_is_none_of_a_plan(tmp_path: Path) -> None:
+    written(tmp_path / "run", PLAN | {"weather": "fine"})
+    with pytest.raises(rs.UsageError, match="another kind of result"):
+        rs.load_plan(tmp_path / "run")
+
+
+def test_a_plan_knows_how_long_it_took() -> None:
+    plan = rs.solve(small(grid=[GRID]), "lp")
+    assert list(plan.seconds_by_phase) == ["case", "model", "linear program", "tie-break", "audit"]
+    assert plan.seconds == sum(plan.seconds_by_phase.values()) > 0.0
