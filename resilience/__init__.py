@@ -8,8 +8,9 @@ plan = rs.solve(case, method="minlp")
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from resilience.lazy import lazy_names
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network, Outage, case_names, load_case, parse_outages
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from resilience.evaluation.comparison import Comparison, load_comparison
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
+    from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
@@ -40,48 +42,18 @@ if TYPE_CHECKING:
     from resilience.simulation.trajectory import Trajectory
     from resilience.simulation.world import Dispatcher, Observation, World
 
-_HOMES = {
-    "ForecastError": "simulation.forecast",
-    "sample_profiles": "simulation.forecast",
-    "World": "simulation.world",
-    "Observation": "simulation.world",
-    "Dispatcher": "simulation.world",
-    "Case": "case",
-    "Network": "case",
-    "Outage": "case",
-    "case_names": "case",
-    "load_case": "case",
-    "parse_outages": "case",
-    "Comparison": "evaluation.comparison",
-    "load_comparison": "evaluation.comparison",
-    "Report": "evaluation.compare",
-    "ac_check_trajectory": "evaluation.ac_check",
-    "compare": "evaluation.compare",
-    "evaluate": "evaluation.compare",
-    "solve": "planning.solve",
-    "ScenarioPlan": "planning.scenario_plan",
-    "load_scenario_plan": "planning.scenario_plan",
-    "WaterValues": "dispatch.sddp.values",
-    "water_values": "dispatch.sddp.values",
-    "plot_scenario_plan": "plots.scenario_plan",
-    "Trajectory": "simulation.trajectory",
-    "Hazard": "fragility.feeder_hazard",
-    "hazard": "fragility.feeder_hazard",
-    "Scenarios": "fragility.outages.scenarios",
-    "CaseError": "errors",
-    "InfeasibleError": "errors",
-    "ResilienceError": "errors",
-    "SolverError": "errors",
-    "UsageError": "errors",
-    "replay": "simulation.replay",
-    "plot_hazard": "plots.hazard",
-    "plot_plan": "plots.plan",
-    "plot_report": "plots.report",
-    "plot_storm": "plots.storm",
-    "plot_water_values": "plots.water",
-    "Plan": "planning.plan",
-    "load_plan": "planning.plan",
-}
+    __version__: str
+else:
+    _imported = lazy_names(__name__)
+
+    def __getattr__(name: str) -> Any:
+        """Imports a public name when it is first used, so that `import resilience` is instant."""
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version("resilience")
+        return _imported(name)
+
 
 __all__ = [
     "Case",
@@ -104,6 +76,7 @@ __all__ = [
     "UsageError",
     "WaterValues",
     "World",
+    "ac_check_plan",
     "ac_check_trajectory",
     "case_names",
     "compare",
@@ -127,12 +100,5 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first asked for, so that `import resilience` is instant."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'resilience' has no attribute {name!r}")
-    return getattr(import_module(f"resilience.{_HOMES[name]}"), name)
-
-
 def __dir__() -> list[str]:
-    return __all__
+    return [*__all__, "__version__"]

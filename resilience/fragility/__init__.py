@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from resilience.lazy import lazy_names
 
 if TYPE_CHECKING:
     from resilience.fragility.draw import (
@@ -30,39 +31,8 @@ if TYPE_CHECKING:
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
     from resilience.fragility.outages.summary import summary
-
-_HOMES = {
-    "CURVES": "lines.curves",
-    "Bell": "outages.bell",
-    "Curve": "lines.curves",
-    "SpannedLines": "lines.spans",
-    "Repair": "outages.repair",
-    "Sampling": "outages.storms",
-    "Scenarios": "outages.scenarios",
-    "Series": "lines.spans",
-    "SpanWind": "lines.spans",
-    "Timing": "lines.damage",
-    "breakpoints": "draw",
-    "case_bell": "outages.bell",
-    "effective_size": "outages.storms",
-    "failed_by": "lines.damage",
-    "failure_probability": "lines.spans",
-    "first_failure": "lines.damage",
-    "fixed": "draw",
-    "hardened": "lines.curves",
-    "hazard": "lines.damage",
-    "joint_probability": "lines.spans",
-    "load_behind_mw": "outages.reduction",
-    "load_scenarios": "outages.files",
-    "outages_from": "draw",
-    "poles_in_series": "lines.spans",
-    "reduced": "outages.reduction",
-    "restated": "lines.curves",
-    "sample_bell": "draw",
-    "sample_outages": "draw",
-    "sample_storms": "outages.storms",
-    "summary": "outages.summary",
-}
+else:
+    __getattr__ = lazy_names(__name__)
 
 __all__ = [
     "CURVES",
@@ -96,10 +66,3 @@ __all__ = [
     "sample_storms",
     "summary",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first asked for: the command line only needs options."""
-    if name not in _HOMES:
-        raise AttributeError(f"module 'resilience.fragility' has no attribute {name!r}")
-    return getattr(import_module(f"resilience.fragility.{_HOMES[name]}"), name)
