@@ -1,42 +1,151 @@
-"""Dispatchers by name."""
+"""Dispatchers by name. Their code is imported when one is made, not when its name is looked up."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from resilience.dispatch.mpc import MPC, BlindMPC
-from resilience.dispatch.rules import Greedy, Idle, Rule
-from resilience.dispatch.sddp.policy import Sddp
-from resilience.dispatch.stochastic import Stochastic
 from resilience.errors import UsageError
-from resilience.models.program.risk import Risk
-from resilience.simulation.world import Dispatcher, World
+
+if TYPE_CHECKING:
+    from resilience.simulation.world import Dispatcher, World
+
+Factory: TypeAlias = "Callable[[World], Dispatcher]"
+Futures = Literal["one", "many"]
 
 REFERENCE = "rule-0.9"
 """Always reported: a battery kept full is the method to beat."""
 
-HALF_TAIL = Risk(alpha=0.95, weight=0.5)
-"""Half the mean, half the mean of the worst 5 % of the paths."""
 
-DISPATCHERS: dict[str, Callable[[World], Dispatcher]] = {
-    "idle": Idle,
-    "greedy": Greedy,
-    "rule": lambda world: Rule(world, 0.5),
-    REFERENCE: lambda world: Rule(world, 0.9),
-    "mpc-blind": BlindMPC,
-    "mpc": MPC,
-    "stochastic": Stochastic,
-    "stochastic-cvar": lambda world: Stochastic(world, risk=HALF_TAIL),
-    "sddp": Sddp,
+@dataclass(frozen=True)
+class DispatcherEntry:
+    """How a dispatcher is made from the world that it acts in, and what is known of it before.
+
+    Attributes:
+        make: imports the dispatcher's code and makes one.
+        batched: it decides for many scenarios at once and for each as if it were alone. All others
+            are given one scenario at a time in a comparison; see `evaluation.runs`.
+        plans_for: whether it plans for one future or for many, both for their mean cost; None
+            where it does not plan, or for something else than the mean.
+    """
+
+    make: Factory
+    batched: bool = False
+    plans_for: Futures | None = None
+
+    def __call__(self, world: World) -> Dispatcher:
+        """A fresh dispatcher."""
+        return self.make(world)
+
+
+def _idle(world: World) -> Dispatcher:
+    from resilience.dispatch.rules import Idle
+
+    return Idle(world)
+
+
+def _greedy(world: World) -> Dispatcher:
+    from resilience.dispatch.rules import Greedy
+
+    return Greedy(world)
+
+
+def _rule(world: World, level: float) -> Dispatcher:
+    from resilience.dispatch.rules import Rule
+
+    return Rule(world, level)
+
+
+def _mpc_blind(world: World) -> Dispatcher:
+    from resilience.dispatch.mpc import BlindMPC
+
+    return BlindMPC(world)
+
+
+def _mpc(world: World) -> Dispatcher:
+    from resilience.dispatch.mpc import MPC
+
+    return MPC(world)
+
+
+def _stochastic(world: World) -> Dispatcher:
+    from resilience.dispatch.stochastic import Stochastic
+
+    return Stochastic(world)
+
+
+def _stochastic_cvar(world: World) -> Dispatcher:
+    """For half the mean and half the mean of the worst 5 % of the paths."""
+    from resilience.dispatch.stochastic import Stochastic
+    from resilience.models.program.risk import Risk
+
+    return Stochastic(world, risk=Risk(alpha=0.95, weight=0.5))
+
+
+def _sddp(world: World) -> Dispatcher:
+    from resilience.dispatch.sddp.policy import Sddp
+
+    return Sddp(world)
+
+
+DISPATCHERS: dict[str, DispatcherEntry] = {
+    "idle": DispatcherEntry(_idle, batched=True),
+    "greedy": DispatcherEntry(_greedy, batched=True),
+    "rule": DispatcherEntry(partial(_rule, level=0.5), batched=True),
+    REFERENCE: DispatcherEntry(partial(_rule, level=0.9), batched=True),
+    "mpc-blind": DispatcherEntry(_mpc_blind, plans_for="one"),
+    "mpc": DispatcherEntry(_mpc, plans_for="one"),
+    "stochastic": DispatcherEntry(_stochastic, plans_for="many"),
+    "stochastic-cvar": DispatcherEntry(_stochastic_cvar),
+    "sddp": DispatcherEntry(_sddp, plans_for="many"),
 }
-"""Each dispatcher by name, made from the world that it acts in."""
-
-BATCHED = frozenset({"idle", "greedy", "rule", REFERENCE})
-"""Those that decide for many scenarios at once and for each as if it were alone. All others are
-given one scenario at a time in a comparison; see `dispatch.runs`."""
+"""Each dispatcher by name; `register_dispatcher` adds to them."""
 
 
-def check_names(names: list[str] | tuple[str, ...]) -> None:
+def register_dispatcher(
+    name: str,
+    factory: Factory,
+    *,
+    batched: bool | None = None,
+    plans_for: Futures | None = None,
+) -> None:
+    """Adds a dispatcher under a name that `solve` and `compare` then know.
+
+    Args:
+        name: how users call it.
+        factory: makes it from the world that it acts in; imports there what is slow to import.
+        batched: see `DispatcherEntry`; as the factory itself says if omitted.
+        plans_for: likewise; None: it does not plan for a mean.
+
+    Raises:
+        UsageError: the name is taken.
+    """
+    if name in DISPATCHERS:
+        raise UsageError(
+            f"dispatcher {name!r} is registered already; allowed: any other name than "
+            f"{', '.join(DISPATCHERS)}",
+            hint="`compare` takes dispatchers of one's own under any name, unregistered",
+        )
+    stated = is_batched(factory) if batched is None else batched
+    DISPATCHERS[name] = DispatcherEntry(factory, stated, plans_for)
+
+
+def is_batched(factory: Factory) -> bool:
+    """Whether what makes a dispatcher says that it decides for many scenarios at once."""
+    return bool(getattr(factory, "batched", False))
+
+
+def names_planning_for(futures: Futures, names: Iterable[str]) -> list[str]:
+    """Those among some names that plan for one future, or for many, in the registry's order."""
+    among = set(names)
+    return [
+        name for name, entry in DISPATCHERS.items() if entry.plans_for == futures and name in among
+    ]
+
+
+def check_names(names: Iterable[str]) -> None:
     """Raises `UsageError` for names that no dispatcher has."""
     unknown = [name for name in names if name not in DISPATCHERS]
     if unknown:

@@ -15,13 +15,13 @@ import numpy as np
 
 from resilience.case import Case, load_case
 from resilience.case.days import held_out
-from resilience.dispatch.registry import DISPATCHERS, REFERENCE, check_names
+from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, check_names
 from resilience.errors import UsageError
 from resilience.evaluation.ac_check import ac_check_trajectory
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import demand, measure
 from resilience.evaluation.report import Report
-from resilience.evaluation.runs import BOUND, Factory, run_all
+from resilience.evaluation.runs import BOUND, run_all
 from resilience.evaluation.saving import check_folder
 from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
@@ -138,14 +138,15 @@ def evaluate(
     Raises:
         UsageError: an unknown method or engine, or a folder that holds something else.
     """
-    made = {**_factories(methods), REFERENCE: DISPATCHERS[REFERENCE]}
+    makers: dict[str, Factory] = _factories(methods)
+    makers[REFERENCE] = DISPATCHERS[REFERENCE]
     check_engine(engine, workers)
     store = None
     if out is not None:
         check_folder(Path(out))
         store = Store(Path(out))
-    runs = run_all(world, made, workers=workers, engine=engine, store=store)
-    runs = {name: runs[name] for name in (*made, BOUND)}
+    runs = run_all(world, makers, workers=workers, engine=engine, store=store)
+    runs = {name: runs[name] for name in (*makers, BOUND)}
     certificates = None
     if ac:
         with phase("AC power flow"):

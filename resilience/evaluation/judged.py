@@ -12,7 +12,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.dispatch.registry import REFERENCE
+from resilience.dispatch.registry import REFERENCE, names_planning_for
 from resilience.evaluation.ac_check import TrajectoryACCheck
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import Measures
@@ -25,11 +25,6 @@ from resilience.simulation.world import World
 
 if TYPE_CHECKING:
     import pandas as pd
-
-DETERMINISTIC = ("mpc-blind", "mpc")
-"""Those that plan for one future."""
-HEDGING = ("stochastic", "sddp")
-"""Those that plan for many."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +140,9 @@ class Judged:
         compared is what they end up paying. A row per pair that was run, with its interval.
         """
         rows = []
-        for one in (name for name in DETERMINISTIC if name in self.objective):
-            for many in (name for name in HEDGING if name in self.objective):
-                more = self.difference(one, many, seed)
-                pair = {"deterministic": one, "stochastic": many}
+        for deterministic in names_planning_for("one", self.objective):
+            for stochastic in names_planning_for("many", self.objective):
+                more = self.difference(deterministic, stochastic, seed)
+                pair = {"deterministic": deterministic, "stochastic": stochastic}
                 rows.append({**pair, "per_day": more.mean, "low": more.low, "high": more.high})
         return rows

@@ -16,16 +16,15 @@ from functools import partial
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.dispatch.registry import BATCHED
+from resilience.dispatch.registry import Factory, is_batched
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.engines import Engine, spread
 from resilience.evaluation.store import Store
 from resilience.models.simulator import NetworkSimulator
 from resilience.progress import Meter, meter
 from resilience.simulation.trajectory import Trajectory, joined
-from resilience.simulation.world import Dispatcher, World, simulate
+from resilience.simulation.world import World, simulate
 
-Factory = Callable[[World], Dispatcher]
 BOUND = "clairvoyant"
 TOGETHER = 64  # scenarios of a part that are stepped at once
 PROVEN = 8  # episodes of a part of the bound, which share the calm solve
@@ -78,7 +77,7 @@ def run_all(
     parts = [
         Part(name, world.part(at), make)
         for name, make in {BOUND: None, **methods}.items()
-        for at in _split(world.scenarios.n, _size(world, name, make))
+        for at in _split(world.scenarios.n, _size(world, make))
     ]
     done: dict[int, Trajectory] = {}
     total = world.microgrid.case.slots * world.scenarios.n * (len(methods) + 1)
@@ -100,13 +99,12 @@ def run_all(
     return {name: joined(runs) for name, runs in found.items()}
 
 
-def _size(world: World, name: str, make: Factory | None) -> int:
+def _size(world: World, make: Factory | None) -> int:
     """Scenarios of one part."""
     if make is None:
         return PROVEN
     alone = isinstance(world.simulator, NetworkSimulator)  # it keeps a basis, too
-    batched = name in BATCHED or getattr(make, "batched", False)
-    return TOGETHER if batched and not alone else 1
+    return TOGETHER if is_batched(make) and not alone else 1
 
 
 def _split(n: int, size: int) -> list[Ints]:
