@@ -11,6 +11,8 @@ from pathlib import Path
 
 from resilience.errors import UsageError
 
+PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
+
 
 def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
     """Names of what is in a folder that `replacing` may replace.
@@ -31,6 +33,19 @@ def check_replaceable(folder: Path, mark: str, keep: str = "") -> list[str]:
             f"{folder} is not empty and holds no earlier result", hint="name a new folder"
         )
     return names
+
+
+def check_picture(path: Path) -> None:
+    """Refuses a picture's file before anything is drawn.
+
+    Raises:
+        UsageError: the suffix is no picture format.
+    """
+    if path.suffix not in PICTURE_SUFFIXES:
+        raise UsageError(
+            f"cannot draw to {path.name!r}; allowed suffixes: {', '.join(PICTURE_SUFFIXES)}",
+            hint=f"{path.stem}.png, say",
+        )
 
 
 @contextmanager

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from resilience.cli import options as given
+from resilience.cli import options, terminal
 from resilience.cli.case import case_app
 from resilience.cli.storms import hazard, scenarios
-from resilience.cli.terminal import progress as _progress
-from resilience.cli.terminal import written
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -35,33 +33,31 @@ app.add_typer(case_app, name="case")
 
 @app.command()
 def solve(
-    case: given.CaseName,
-    method: given.Method = "minlp",
-    physics: given.Physics = None,
-    outages: given.Outages = None,
-    seed: given.BellSeed = None,
-    scenarios: given.Scenarios = None,
-    risk: given.Risk = None,
-    common_slots: given.CommonSlots = None,
-    algorithm: given.Algorithm = None,
-    time_limit: given.TimeLimit = 60.0,
-    gap: given.Gap = None,
-    out: given.Folder = None,
-    plot: given.Picture = None,
-    export: given.Export = None,
-    as_json: given.AsJson = False,
-    verbose: given.Verbose = False,
+    case: options.CaseName,
+    method: options.Method = "minlp",
+    physics: options.Physics = None,
+    outages: options.Outages = None,
+    seed: options.BellSeed = None,
+    scenarios: options.Scenarios = None,
+    risk: options.Risk = None,
+    common_slots: options.CommonSlots = None,
+    algorithm: options.Algorithm = None,
+    time_limit: options.TimeLimit = 60.0,
+    gap: options.Gap = None,
+    out: options.Folder = None,
+    plot: options.Picture = None,
+    export: options.Export = None,
+    as_json: options.AsJson = False,
+    verbose: options.Verbose = False,
 ) -> None:
     """Find the best plan for a case, with a proven bound and an audit."""
-    from resilience import solve as find
-    from resilience.planning.solve import export_model
-    from resilience.plots.saved import draw_plan
-    from resilience.plots.style import check_suffix
+    import resilience as rs
+    from resilience.files import check_picture
 
     if plot is not None:
-        check_suffix(plot)
-    with _progress(verbose):
-        plan = find(  # type: ignore[misc]  # more unions than overloads are tried for
+        check_picture(plot)
+    with terminal.progress(verbose):
+        plan = rs.solve(  # type: ignore[misc]  # more unions than overloads are tried for
             case,
             method,
             physics=physics,  # type: ignore[arg-type]
@@ -75,16 +71,20 @@ def solve(
             algorithm=algorithm,
         )
         if export is not None:
+            from resilience.planning.solve import export_model
+
             export_model(plan, export)
     if out is not None:
         plan.save(out)
     if plot is not None:
+        from resilience.plots.saved import draw_plan
+
         draw_plan(plan, plot)
     if as_json:
         typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
         return
     _print(plan)
-    written(("tables", out), ("picture", plot), ("model", export))
+    terminal.print_written(("tables", out), ("picture", plot), ("model", export))
 
 
 def _print(plan: Plan | ScenarioPlan) -> None:
@@ -102,35 +102,34 @@ def _print(plan: Plan | ScenarioPlan) -> None:
 
 @app.command()
 def compare(
-    case: given.CaseName,
-    methods: given.Methods = "rule,mpc-blind,mpc,stochastic",
-    days: given.Days = None,
-    draws: given.Draws = 8,
-    seed: given.Seed = 0,
-    scenarios: given.ScenarioFile = None,
-    physics: given.OnePhysics = "copperplate",
-    end_value: given.EndValue = None,
-    forecast_error: given.ForecastErrors = "none",
-    unknown_centre: given.UnknownCentre = False,
-    reset_daily: given.ResetDaily = False,
-    ac: given.AC = False,
-    workers: given.Workers = 1,
-    engine: given.EngineName = "local",
-    out: given.ReportFolder = None,
-    plot: given.ReportPicture = None,
-    as_json: given.AsJson = False,
-    verbose: given.Verbose = False,
+    case: options.CaseName,
+    methods: options.Methods = "rule,mpc-blind,mpc,stochastic",
+    days: options.Days = None,
+    draws: options.Draws = 8,
+    seed: options.Seed = 0,
+    scenarios: options.ScenarioFile = None,
+    physics: options.OnePhysics = "copperplate",
+    end_value: options.EndValue = None,
+    forecast_error: options.ForecastErrors = "none",
+    unknown_centre: options.UnknownCentre = False,
+    reset_daily: options.ResetDaily = False,
+    ac: options.AC = False,
+    workers: options.Workers = 1,
+    engine: options.EngineName = "local",
+    out: options.ReportFolder = None,
+    plot: options.ReportPicture = None,
+    as_json: options.AsJson = False,
+    verbose: options.Verbose = False,
 ) -> None:
     """Judge dispatchers on the same storms, against the clairvoyant optimum."""
-    from resilience import compare as judge
-    from resilience import plot_report
-    from resilience.plots.style import check_suffix
+    import resilience as rs
+    from resilience.files import check_picture
 
     if plot is not None:
-        check_suffix(plot)
+        check_picture(plot)
     names = [name.strip() for name in methods.split(",") if name.strip()]
-    with _progress(verbose):
-        report = judge(
+    with terminal.progress(verbose):
+        report = rs.compare(
             case,
             names,
             days=days,
@@ -148,7 +147,7 @@ def compare(
             out=out,
         )
     if plot is not None:
-        plot_report(report, plot)
+        rs.plot_report(report, plot)
     if as_json:
         for line in report.warnings:
             print(f"warning: {line}", file=sys.stderr)
@@ -159,15 +158,15 @@ def compare(
     from resilience.text.comparison import print_report
 
     print_report(report, Console())
-    written(("report", out), ("picture", plot))
+    terminal.print_written(("report", out), ("picture", plot))
 
 
 @app.command()
 def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A folder written by --out.")],
-    method: given.DrawnMethods = None,
-    episode: given.DrawnEpisode = None,
-    day: given.DrawnDay = None,
+    method: options.DrawnMethods = None,
+    episode: options.DrawnEpisode = None,
+    day: options.DrawnDay = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Picture file; in RUN, named after what it shows, if omitted."),
@@ -186,11 +185,11 @@ for _command in (scenarios, hazard):
     app.command()(_command)
 
 
-def _version(asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version
+def _version(is_wanted: bool) -> None:
+    if is_wanted:
+        import resilience as rs
 
-        typer.echo(version("resilience"))
+        typer.echo(rs.__version__)
         raise typer.Exit
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from resilience.cli import options as given
+from resilience.cli import options
 
 case_app = typer.Typer(no_args_is_help=True, help="Make, check and look at case files.")
 
@@ -43,38 +43,38 @@ def new(
 
 
 @case_app.command()
-def check(case: given.CaseName) -> None:
+def check(case: options.CaseName) -> None:
     """Read a case and report every mistake in it at once, and what may not be meant."""
-    from resilience import load_case
+    import resilience as rs
     from resilience.case.checks.remarks import remarks
 
-    found = load_case(case)
-    if found.storm is not None and found.storm.points:
-        from resilience.fragility.chain import storm
+    loaded = rs.load_case(case)
+    if loaded.storm is not None and loaded.storm.points:
+        from resilience.fragility import chain
 
-        storm(found)
-    typer.echo(f"{case}: {found.name} is a valid case")
-    for remark in remarks(found):
+        chain.storm(loaded)
+    typer.echo(f"{case}: {loaded.name} is a valid case")
+    for remark in remarks(loaded):
         typer.echo(f"warning: {remark}")
 
 
 @case_app.command()
-def show(case: given.CaseName) -> None:
+def show(case: options.CaseName) -> None:
     """Print what a case holds: network, devices, horizon, outages, islands."""
     from rich.console import Console
 
-    from resilience import load_case
+    import resilience as rs
     from resilience.text.plan import print_case
 
-    print_case(load_case(case), Console())
+    print_case(rs.load_case(case), Console())
 
 
 @case_app.command("list")
 def list_cases() -> None:
     """Print the names of the installed cases."""
-    from resilience import case_names
+    import resilience as rs
 
-    for name in case_names():
+    for name in rs.case_names():
         typer.echo(name)
 
 

@@ -7,6 +7,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from resilience.dispatch.registry import DISPATCHERS
+
 CaseName = Annotated[
     str, Argument(metavar="CASE", help="A case file, or the name of an installed case.")
 ]
@@ -68,9 +70,7 @@ Folder = Annotated[
 Picture = Annotated[Path | None, Option(help="Picture of the plan: a .png, .pdf or .svg file.")]
 Export = Annotated[Path | None, Option(help="Also write the model: a .lp, .mps or .nl file.")]
 
-Methods = Annotated[
-    str, Option(help="Dispatchers, with commas: idle, greedy, rule, mpc-blind, mpc, stochastic.")
-]
+Methods = Annotated[str, Option(help=f"Dispatchers, with commas: {', '.join(DISPATCHERS)}.")]
 Days = Annotated[
     int | None,
     Option(

@@ -4,39 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from resilience.cli import bell_options
-from resilience.cli import options as given
-from resilience.cli.terminal import written
+from resilience.cli import bell_options, options, terminal
 
-BELL = frozenset(
-    [
-        "probability",
-        "height",
-        "sigma_slots",
-        "duration_slots",
-        "shift_slots",
-        "shared_shift",
-        "common_draw",
-        "refail",
-        "wrap",
-        "overnight",
-        "centre_error_slots",
-        "rate",
-    ]
-)
-"""Options that are settings of the bell under the same name."""
-
-OF_A_DRAW = frozenset(["days", "track", "storm", "averaging_s", "shift"])
-"""Options that `draw` has under the same name."""
+if TYPE_CHECKING:
+    from resilience.case import Case
+    from resilience.fragility.outages.scenarios import Scenarios
 
 
 def scenarios(
-    context: typer.Context,
-    case: given.CaseName,
+    case: options.CaseName,
     n: Annotated[int, typer.Option("-n", help="How many.")] = 200,
     seed: Annotated[int, typer.Option(help="The same seed draws the same scenarios.")] = 0,
     days: Annotated[
@@ -58,68 +38,96 @@ def scenarios(
     centre: bell_options.Centre = None,
     centre_error_slots: bell_options.CentreErrorSlots = None,
     rate: bell_options.Rate = None,
-    track: given.Track = None,
-    storm: given.TrackStorm = None,
-    averaging_s: given.Averaging = None,
+    track: options.Track = None,
+    storm: options.TrackStorm = None,
+    averaging_s: options.Averaging = None,
     shift: bell_options.Shift = 0.0,
     reduce: bell_options.Reduce = None,
-    as_json: given.AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Draw storms: which line is down when. What is not given here is the case's own."""
-    from rich.console import Console
-
-    from resilience import load_case
-    from resilience.fragility import load_behind_mw, reduced, summary
+    import resilience as rs
+    from resilience import fragility
     from resilience.fragility.draw import draw
     from resilience.fragility.outages.scenarios import check_suffix
-    from resilience.text.scenarios import print_scenarios
 
     if out is not None:
         check_suffix(out)
-    found = load_case(case)
-    asked = {key: value for key, value in context.params.items() if key in BELL | OF_A_DRAW}
-    drawn = draw(found, n, seed, centres=tuple(centre) if centre else None, **asked)
+    loaded = rs.load_case(case)
+    bell: bell_options.BellOptions = {
+        "probability": probability,
+        "height": height,
+        "sigma_slots": sigma_slots,
+        "duration_slots": duration_slots,
+        "shift_slots": shift_slots,
+        "shared_shift": shared_shift,
+        "common_draw": common_draw,
+        "refail": refail,
+        "wrap": wrap,
+        "overnight": overnight,
+        "centres": tuple(centre) if centre else None,
+        "centre_error_slots": centre_error_slots,
+        "rate": rate,
+    }
+    drawn = draw(
+        loaded,
+        n,
+        seed,
+        days=days,
+        track=track,
+        storm=storm,
+        averaging_s=averaging_s,
+        shift=shift,
+        **bell,
+    )
     if reduce is not None:
-        drawn = reduced(drawn, reduce, load_mw=load_behind_mw(found, drawn.lines))
+        load_mw = fragility.load_behind_mw(loaded, drawn.lines)
+        drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
     if out is not None:
         drawn.save(out)
     if as_json:
-        typer.echo(json.dumps(summary(drawn, found), indent=2, allow_nan=False))
+        typer.echo(json.dumps(fragility.summary(drawn, loaded), indent=2, allow_nan=False))
         return
-    print_scenarios(drawn, found, Console())
-    written(("scenarios", out))
+    _print_scenarios(drawn, loaded)
+    terminal.print_written(("scenarios", out))
+
+
+def _print_scenarios(drawn: Scenarios, case: Case) -> None:
+    from rich.console import Console
+
+    from resilience.text.scenarios import print_scenarios
+
+    print_scenarios(drawn, case, Console())
 
 
 def hazard(
-    case: given.CaseName,
-    track: given.Track = None,
-    storm: given.TrackStorm = None,
-    averaging_s: given.Averaging = None,
+    case: options.CaseName,
+    track: options.Track = None,
+    storm: options.TrackStorm = None,
+    averaging_s: options.Averaging = None,
     n: Annotated[int, typer.Option("-n", help="Storms drawn for islands.", min=1)] = 1000,
     seed: Annotated[int, typer.Option(help="Of these storms.", min=0)] = 0,
-    out: given.HazardFolder = None,
-    plot: given.HazardPicture = None,
-    as_json: given.AsJson = False,
+    out: options.HazardFolder = None,
+    plot: options.HazardPicture = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """From a typhoon's track to the lines that fail: probabilities, islands, a map."""
-    from resilience.fragility.feeder_hazard import hazard as find
-    from resilience.plots.style import check_suffix
+    import resilience as rs
+    from resilience.files import check_picture
 
     if plot is not None:
-        check_suffix(plot)
-    found = find(case, track, storm=storm, averaging_s=averaging_s, n=n, seed=seed)
+        check_picture(plot)
+    result = rs.hazard(case, track, storm=storm, averaging_s=averaging_s, n=n, seed=seed)
     if out is not None:
-        found.save(out)
+        result.save(out)
     if plot is not None:
-        from resilience.plots.hazard import plot_hazard
-
-        plot_hazard(found, plot)
+        rs.plot_hazard(result, plot)
     if as_json:
-        typer.echo(json.dumps(found.summary(), indent=2, allow_nan=False))
+        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
         return
     from rich.console import Console
 
     from resilience.text.hazard import print_hazard
 
-    print_hazard(found, Console())
-    written(("tables", out), ("picture", plot))
+    print_hazard(result, Console())
+    terminal.print_written(("tables", out), ("picture", plot))

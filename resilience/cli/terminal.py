@@ -92,8 +92,8 @@ def _display(console: Any) -> Progress:
     )
 
 
-def written(*files: tuple[str, Path | None]) -> None:
-    """Prints what was written where, a line each; what was not asked for is left out."""
-    for what, where in files:
-        if where is not None:
-            print(f"{what}: {where}")
+def print_written(*files: tuple[str, Path | None]) -> None:
+    """Prints what was written where, a line each; files that were not wanted are left out."""
+    for title, path in files:
+        if path is not None:
+            print(f"{title}: {path}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.schema import StormTable
+from resilience.files import check_picture
 from resilience.fragility.chain import slot_times
 from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated
@@ -41,7 +42,7 @@ def plot_hazard(found: Hazard, path: str | Path | None = None) -> Figure:
         UsageError: a suffix that is no picture format.
     """
     if path is not None:
-        style.check_suffix(Path(path))
+        check_picture(Path(path))
     with style.look():
         return style.keep(_draw(found), path)
 

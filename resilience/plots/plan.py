@@ -10,6 +10,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
+from resilience.files import check_picture
 from resilience.planning.plan import Plan
 from resilience.plots import panels, style
 from resilience.tolerances import DRAWN_TOLERANCE_MW
@@ -26,7 +27,7 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
         UsageError: the suffix is no picture format, or the plan is without its case.
     """
     if path is not None:
-        style.check_suffix(Path(path))
+        check_picture(Path(path))
     with style.look():
         return style.keep(_draw(plan), path)
 

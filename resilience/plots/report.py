@@ -12,6 +12,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import Compared
 from resilience.evaluation.verdict import BOUND, days_of, verdict
+from resilience.files import check_picture
 from resilience.plots import style
 from resilience.plots.report_data import Record, daily_cost, has_bound, records
 
@@ -47,7 +48,7 @@ def plot_report(compared: Compared, path: str | Path | None = None) -> Figure:
         UsageError: the suffix is no picture format.
     """
     if path is not None:
-        style.check_suffix(Path(path))
+        check_picture(Path(path))
     with style.look():
         return style.keep(_draw(compared), path)
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from resilience.errors import UsageError
+from resilience.files import check_picture
 from resilience.plots.plan import plot_plan
 from resilience.plots.report import plot_report
 from resilience.plots.scenario_plan import plot_scenario_plan
 from resilience.plots.storm import plot_storm
-from resilience.plots.style import check_suffix
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -46,7 +46,7 @@ def draw_run(
     from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
 
     if out is not None:
-        check_suffix(out)
+        check_picture(out)
     if not is_comparison(run):
         _refuse(run, method=method, episode=episode, day=day)
         target = out or run / "plan.png"

@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
+from resilience.files import check_picture
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.plots import style
@@ -28,7 +29,7 @@ def plot_scenario_plan(plan: ScenarioPlan, path: str | Path | None = None) -> Fi
         UsageError: the suffix is no picture format, or the plan lacks its case.
     """
     if path is not None:
-        style.check_suffix(Path(path))
+        check_picture(Path(path))
     if plan.case is None:
         raise UsageError("a plan without its case cannot be drawn", hint="keep case.toml beside it")
     with style.look():

@@ -10,6 +10,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.evaluation.comparison import Compared
+from resilience.files import check_picture
 from resilience.plots import panels, style
 from resilience.plots.storm_choice import Day, EpisodeView, storm
 from resilience.plots.storm_data import MethodView
@@ -46,7 +47,7 @@ def plot_storm(
             that is no picture format.
     """
     if path is not None:
-        style.check_suffix(Path(path))
+        check_picture(Path(path))
     seen = storm(compared, methods, episode, day)
     with style.look():
         return style.keep(_draw(seen), path)

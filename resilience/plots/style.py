@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.errors import UsageError
 from resilience.files import replacing_file
 
 if TYPE_CHECKING:
@@ -33,19 +32,9 @@ STORMY = "#4b5563"
 """Lines that are out."""
 METHODS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8a6d3b")
 MARKERS = "osD^vPX*"
-SUFFIXES = (".png", ".pdf", ".svg")
 DPI = 150
 TICKS_H = (0.25, 0.5, 1, 2, 3, 4, 6, 12)
 WITHIN = 13  # most ticks of a time axis of full width
-
-
-def check_suffix(path: Path) -> None:
-    """Raises UsageError unless the suffix is a picture format."""
-    if path.suffix not in SUFFIXES:
-        raise UsageError(
-            f"cannot draw to {path.name!r}; allowed suffixes: {', '.join(SUFFIXES)}",
-            hint=f"{path.stem}.png, say",
-        )
 
 
 def look() -> AbstractContextManager[None]:

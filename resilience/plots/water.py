@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.plots.style import check_suffix, headed, keep, look
+from resilience.files import check_picture
+from resilience.plots.style import headed, keep, look
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +30,7 @@ def plot_water_values(values: WaterValues, path: str | Path | None = None) -> Fi
     from matplotlib.figure import Figure
 
     if path is not None:
-        check_suffix(Path(path))
+        check_picture(Path(path))
     n, slots = len(values.units), values.per_mwh.shape[1]
     hours = np.arange(1, slots + 1) * values.step_h
     positive = values.per_mwh[values.per_mwh > 0.0]
