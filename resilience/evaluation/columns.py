@@ -66,11 +66,11 @@ AC_COLUMNS = {
 
 def row(judged: Judged, name: str, seed: int) -> dict[str, float]:
     """All columns of one method."""
-    found = _costs(judged, name) | _against_rule(judged, name, seed)
-    found |= _service(judged, name) | _times(judged, name)
+    values = _costs(judged, name) | _against_rule(judged, name, seed)
+    values |= _service(judged, name) | _times(judged, name)
     if judged.certificates is not None:
-        found |= _ac(judged.certificates[name], judged.days, judged.scenarios.probability)
-    return {column: found[column] for column in (*COLUMNS, *AC_COLUMNS) if column in found}
+        values |= _ac(judged.certificates[name], judged.days, judged.scenarios.probability)
+    return {column: values[column] for column in (*COLUMNS, *AC_COLUMNS) if column in values}
 
 
 def _costs(judged: Judged, name: str) -> dict[str, float]:
@@ -104,9 +104,9 @@ def _against_rule(judged: Judged, name: str, seed: int) -> dict[str, float]:
 
 
 def _service(judged: Judged, name: str) -> dict[str, float]:
-    found, likely, days = judged.measures[name], judged.scenarios.probability, judged.days
-    service, shape = found.adequacy, found.shape
-    critical = found.has_critical
+    measures, likely, days = judged.measures[name], judged.scenarios.probability, judged.days
+    service, shape = measures.adequacy, measures.shape
+    critical = measures.has_critical
     none = float("nan")
     return {
         "shed_mwh_per_day": service.eens_mwh / days,
@@ -118,8 +118,8 @@ def _service(judged: Judged, name: str) -> dict[str, float]:
         "served_percent": 100.0 * service.served_share,
         "critical_served_percent": 100.0 * service.critical_served_share if critical else none,
         "critical_whole": service.p_critical_served if critical else none,
-        "asidi_h_per_day": statistics.expected(found.indices.asidi_h, likely) / days,
-        "asifi_per_day": statistics.expected(found.indices.asifi, likely) / days,
+        "asidi_h_per_day": statistics.expected(measures.indices.asidi_h, likely) / days,
+        "asifi_per_day": statistics.expected(measures.indices.asifi, likely) / days,
         "trapezoid_phi_per_h": statistics.expected(shape.phi_per_h, likely),
         "trapezoid_lambda": statistics.expected(shape.lambda_share, likely),
         "trapezoid_e_h": statistics.expected(shape.e_h, likely),
@@ -129,25 +129,25 @@ def _service(judged: Judged, name: str) -> dict[str, float]:
 
 
 def _times(judged: Judged, name: str) -> dict[str, float]:
-    run = judged.trajectories[name]
-    decisions = run.cost.size
+    trajectory = judged.trajectories[name]
+    decisions = trajectory.cost.size
     return {
-        "build_s": run.build_seconds,
-        "build_cpu_s": run.build_cpu_seconds,
-        "ms_per_decision": 1e3 * run.seconds / decisions,
-        "cpu_ms_per_decision": 1e3 * run.cpu_seconds / decisions,
+        "build_s": trajectory.build_seconds,
+        "build_cpu_s": trajectory.build_cpu_seconds,
+        "ms_per_decision": 1e3 * trajectory.seconds / decisions,
+        "cpu_ms_per_decision": 1e3 * trajectory.cpu_seconds / decisions,
     }
 
 
-def _ac(found: TrajectoryACCheck, days: float, likely: Floats) -> dict[str, float]:
+def _ac(check: TrajectoryACCheck, days: float, likely: Floats) -> dict[str, float]:
     return {
-        "ac_v_min_pu": found.lowest_pu,
-        "ac_v_max_pu": found.highest_pu,
-        "ac_outside_percent": 100.0 * found.outside_share(likely),
-        "ac_overload_mva": found.worst_overload_mva,
-        "ac_root_excess_mw": found.worst_root_excess_mw,
-        "ac_loss_mwh_per_day": found.loss_mwh(likely) / days,
-        "ac_unfunded_mwh_per_day": found.unfunded_mwh(likely) / days,
-        "ac_excess_mwh_per_day": found.excess_mwh(likely) / days,
-        "ac_not_converged_percent": 100.0 * found.not_converged_share(likely),
+        "ac_v_min_pu": check.lowest_pu,
+        "ac_v_max_pu": check.highest_pu,
+        "ac_outside_percent": 100.0 * check.outside_share(likely),
+        "ac_overload_mva": check.worst_overload_mva,
+        "ac_root_excess_mw": check.worst_root_excess_mw,
+        "ac_loss_mwh_per_day": check.loss_mwh(likely) / days,
+        "ac_unfunded_mwh_per_day": check.unfunded_mwh(likely) / days,
+        "ac_excess_mwh_per_day": check.excess_mwh(likely) / days,
+        "ac_not_converged_percent": 100.0 * check.not_converged_share(likely),
     }

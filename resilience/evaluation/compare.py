@@ -18,10 +18,11 @@ from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, check_names
 from resilience.errors import UsageError
 from resilience.evaluation.ac_check import ac_check_trajectory
+from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import demand, measure
 from resilience.evaluation.report import Report
-from resilience.evaluation.runs import BOUND, run_all
+from resilience.evaluation.runs import proven_bound, run_all
 from resilience.evaluation.saving import check_folder
 from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
@@ -94,24 +95,26 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         UsageError: an unknown method, engine or forecast error; more days than the profiles keep
             for tests; scenarios of another horizon; physics that nothing simulates.
     """
-    made, error = _factories(methods), parse_error(forecast_error)
+    makers, error = _factories(methods), parse_error(forecast_error)
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
-    outlook = error and sample_outlook(case, error, storms.n, _error_seed(seed))
-    told = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
+    outlook = None
+    if error is not None:
+        outlook = sample_outlook(case, error, storms.n, _error_seed(seed))
+    error_text = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
     rules: dict[str, Any] = {"known_centre": known_centre, "reset_daily": reset_daily}
     rules |= {"end_value_per_mwh": end_value_per_mwh, "outlook": outlook}
     world = World.of(grid_with_fallible_lines(case, storms, physics), storms, **rules)
     return evaluate(
-        world, made, workers=workers, engine=engine, ac=ac, out=out, forecast_error=told
+        world, makers, workers=workers, engine=engine, ac=ac, out=out, forecast_error=error_text
     )
 
 
-def _storms(case: Case, given: Scenarios | str | Path | None, draws: int, seed: int) -> Scenarios:
-    """The scenarios given, read or drawn."""
-    if isinstance(given, str | Path):
-        return load_scenarios(given, case)
-    return given or sample_case(case, draws, seed)
+def _storms(case: Case, source: Scenarios | str | Path | None, draws: int, seed: int) -> Scenarios:
+    """Scenarios as they are, from their file, or drawn where there are none."""
+    if isinstance(source, str | Path):
+        return load_scenarios(source, case)
+    return source or sample_case(case, draws, seed)
 
 
 def evaluate(
@@ -145,19 +148,25 @@ def evaluate(
     if out is not None:
         check_folder(Path(out))
         store = Store(Path(out))
-    runs = run_all(world, makers, workers=workers, engine=engine, store=store)
-    runs = {name: runs[name] for name in (*makers, BOUND)}
+    by_name = run_all(world, makers, workers=workers, engine=engine, store=store)
+    trajectories = {name: by_name[name] for name in (*makers, BOUND)}
     certificates = None
     if ac:
         with phase("AC power flow"):
-            certificates = {name: ac_check_trajectory(world, run) for name, run in runs.items()}
-    asked = demand(world)
+            certificates = {
+                name: ac_check_trajectory(world, trajectory)
+                for name, trajectory in trajectories.items()
+            }
+    demand_mw = demand(world)
     if forecast_error is None:
         forecast_error = "none" if world.outlook is None else "given"
     report = Report(
         world=world,
-        trajectories=runs,
-        measures={name: measure(world, run, asked) for name, run in runs.items()},
+        trajectories=trajectories,
+        measures={
+            name: measure(world, trajectory, demand_mw) for name, trajectory in trajectories.items()
+        },
+        bound=proven_bound(trajectories[BOUND]),
         certificates=certificates,
         forecast_error=forecast_error,
     )
@@ -200,7 +209,7 @@ def parse_error(text: ForecastError | str | None) -> ForecastError | None:
     if text in ERRORS:
         return ERRORS[text]
     try:
-        sigma, correlation = (float(part) for part in text.split(","))
+        sigma, correlation = (float(number) for number in text.split(","))
     except ValueError:
         raise UsageError(
             f"forecast error {text!r} cannot be read; allowed: none, {', '.join(ERRORS)}, or "

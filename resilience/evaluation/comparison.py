@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from resilience.case import Case
 
 
+BOUND = "clairvoyant"
+"""What the bound is called among the methods."""
+
+
 class Compared(Protocol):
     """What of a comparison is drawn; `Report` and `Comparison` have it."""
 
@@ -50,7 +54,17 @@ class Compared(Protocol):
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison that was read from a folder; fields as those of `Report`."""
+    """A comparison that was read from a folder, as far as it is drawn.
+
+    Attributes:
+        case: the case, over the days of an episode.
+        scenarios: the storms: an episode is one scenario.
+        trajectories: method to what it did; the clairvoyant is among them.
+        objective: method to (episodes,) $: cost less the worth of the energy left.
+        bound: (episodes,) $ that no method can stay below.
+        end_value_per_mwh: worth of the energy left, $/MWh.
+        forecast_error: how load and PV differ from their forecast, in words.
+    """
 
     case: Case
     scenarios: Scenarios
@@ -90,8 +104,8 @@ def load_comparison(folder: str | Path) -> Comparison:
             f"{root} holds no comparison: there is no episodes.parquet in it",
             hint="name the folder given to `resilience compare --out`",
         )
-    runs = load_trajectories(root)
-    if not runs or not (root / "case.toml").is_file():
+    trajectories = load_trajectories(root)
+    if not trajectories or not (root / "case.toml").is_file():
         raise UsageError(
             f"{root} holds a comparison without its case or its trajectories",
             hint="run `resilience compare --out` again",
@@ -103,7 +117,7 @@ def load_comparison(folder: str | Path) -> Comparison:
     return Comparison(
         case=case,
         scenarios=load_scenarios(root / "scenarios.npz", case),
-        trajectories={name: runs[name] for name in costs if name in runs},
+        trajectories={name: trajectories[name] for name in costs if name in trajectories},
         bound=costs.pop("bound"),
         objective=costs,
         end_value_per_mwh=summary["end_value_per_mwh"],

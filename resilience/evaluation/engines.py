@@ -11,7 +11,7 @@ from resilience.errors import UsageError
 Engine = Literal["local", "dask", "ray"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 NEEDS = {"dask": "distributed", "ray": "ray"}
-ROUND = 4  # calls per worker that are handed out at once where results come back together
+CALLS_PER_WORKER = 4  # handed out at once where results come back together
 T = TypeVar("T")
 
 
@@ -52,10 +52,11 @@ def spread(
     with _engine(engine, workers):
         # Calls last seconds: batches would only delay what is written down.
         if engine == "ray":  # joblib's backend for it hands over nothing before all is done
-            for first in range(0, len(calls), ROUND * workers):
-                some = calls[first : first + ROUND * workers]
-                found = Parallel(n_jobs=workers, batch_size=1)(delayed(call)() for call in some)
-                yield from enumerate(found, start=first)
+            size = CALLS_PER_WORKER * workers
+            for first in range(0, len(calls), size):
+                batch = calls[first : first + size]
+                results = Parallel(n_jobs=workers, batch_size=1)(delayed(call)() for call in batch)
+                yield from enumerate(results, start=first)
             return
         parallel = Parallel(n_jobs=workers, batch_size=1, return_as="generator_unordered")
         yield from parallel(delayed(_numbered)(k, call) for k, call in enumerate(calls))
@@ -90,9 +91,9 @@ def _dask(workers: int) -> Iterator[None]:
     except ValueError:
         local: dict[str, Any] = {"n_workers": workers, "threads_per_worker": 1}
         local |= {"dashboard_address": None}
-        known = dask.config.get("scheduler-address", None)
+        address = dask.config.get("scheduler-address", None)
         client: Any = Client
-        with client(known) if known else client(**local):
+        with client(address) if address else client(**local):
             yield
     else:
         yield

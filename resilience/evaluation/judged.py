@@ -14,11 +14,11 @@ from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import REFERENCE, names_planning_for
 from resilience.evaluation.ac_check import TrajectoryACCheck
+from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import Measures
 from resilience.evaluation.measures.metrics import Adequacy
 from resilience.evaluation.measures.statistics import MeanInterval
-from resilience.evaluation.runs import BOUND
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
@@ -35,14 +35,15 @@ class Judged:
         world: case, storms and rules of the comparison.
         trajectories: method to what it did; the clairvoyant is among them.
         measures: method to what is measured of it.
-        certificates: method to what AC power flow says, where asked for.
+        bound: (episodes,) $, the clairvoyant optimum, which no dispatcher can beat.
+        certificates: method to what AC power flow says; None where it was not run.
         forecast_error: how load and PV differ from their forecast, in words.
-        bound_seconds: wall-clock seconds for the bound.
     """
 
     world: World = field(repr=False)
     trajectories: Mapping[str, Trajectory] = field(repr=False)
     measures: Mapping[str, Measures] = field(repr=False)
+    bound: Floats = field(repr=False)
     certificates: Mapping[str, TrajectoryACCheck] | None = field(default=None, repr=False)
     forecast_error: str = "none"
 
@@ -76,39 +77,32 @@ class Judged:
     @property
     def objective(self) -> Mapping[str, Floats]:
         """Method to (episodes,) $: cost less the worth of the energy left."""
-        return {name: found.objective for name, found in self.measures.items()}
+        return {name: measures.objective for name, measures in self.measures.items()}
 
     @property
     def adequacy(self) -> Mapping[str, Adequacy]:
         """Method to its reliability indices."""
-        return {name: found.adequacy for name, found in self.measures.items()}
+        return {name: measures.adequacy for name, measures in self.measures.items()}
 
     @property
     def seconds(self) -> Mapping[str, float]:
         """Method to wall-clock seconds for all of its decisions."""
-        return {name: run.seconds for name, run in self.trajectories.items()}
-
-    @property
-    def bound(self) -> Floats:
-        """(episodes,) $: the clairvoyant optimum, which no dispatcher can beat."""
-        proven = self.trajectories[BOUND].proven
-        assert proven is not None
-        return proven
+        return {name: trajectory.seconds for name, trajectory in self.trajectories.items()}
 
     @property
     def bound_seconds(self) -> float:
         """Wall-clock seconds for the slowest part of the bound."""
         return self.trajectories[BOUND].build_seconds
 
-    def difference(self, name: str, other: str, seed: int = 0) -> MeanInterval:
-        """What `name` costs more per day than `other`, on the same episodes, with its interval.
+    def difference(self, name: str, reference: str, seed: int = 0) -> MeanInterval:
+        """What `name` costs more per day than `reference`, on the same episodes, with its interval.
 
         Ends are NaN where a single episode allows none.
         """
-        apart = (self.objective[name] - self.objective[other]) / self.days
+        apart = (self.objective[name] - self.objective[reference]) / self.days
         likely, n = self.scenarios.probability, self.scenarios.n
         mean = statistics.expected(apart, likely)
-        if name == other:
+        if name == reference:
             return MeanInterval(0.0, 0.0, 0.0, 0.95, n)
         if n == 1:
             return MeanInterval(mean, math.nan, math.nan, 0.95, n)
@@ -125,11 +119,11 @@ class Judged:
 
         order = sorted(self.objective, key=lambda name: float(np.mean(self.objective[name])))
         rows = []
-        for other, name in combinations(order, 2):
-            more = self.difference(name, other, seed)
+        for cheaper, name in combinations(order, 2):
+            more = self.difference(name, cheaper, seed)
             sure = more.excludes_zero
             ends = {"low": more.low, "high": more.high, "excludes_zero": sure}
-            rows.append({"method": name, "other": other, "per_day": more.mean, **ends})
+            rows.append({"method": name, "other": cheaper, "per_day": more.mean, **ends})
         names = ["method", "other", "per_day", "low", "high", "excludes_zero"]
         return pd.DataFrame(rows, columns=names)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-RESET = (
+RESET_WARNING = (
     "the state of charge is reset every midnight: energy kept for tomorrow is taken away and "
     "energy used up is given back, at the end credit, so that gaps do not measure skill"
 )
@@ -35,18 +35,18 @@ class Report(Judged):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader must know before comparing numbers."""
-        found = [RESET] if self.world.reset_daily else []
+        warnings = [RESET_WARNING] if self.world.reset_daily else []
         if self.triviality.trivial:
-            found.append(
+            warnings.append(
                 "a battery kept full is within 1 % of the bound: the case cannot rank methods"
             )
-        return tuple(found)
+        return tuple(warnings)
 
     @property
     def setting(self) -> tuple[str, ...]:
         """The rules of the comparison, in words, for the head of a table."""
-        told = "told at midnight" if self.world.known_centre else "unknown"
-        centre = () if self.scenarios.centre is None else (f"storm centre: {told}",)
+        forecast = "told at midnight" if self.world.known_centre else "unknown"
+        centre = () if self.scenarios.centre is None else (f"storm centre: {forecast}",)
         n, days = self.scenarios.n, self.days
         length = f"{n} episode{'s' * (n != 1)} of {days:g} day{'s' * (days != 1)}"
         return (
@@ -89,7 +89,7 @@ class Report(Judged):
         likely = self.scenarios.probability
         lines = infrastructure(self.world)
         room = self.triviality.room_share
-        found = {
+        summary = {
             "case": self.case.name,
             "start": self.case.start.isoformat(),
             "slots": self.case.slots,
@@ -117,11 +117,11 @@ class Report(Judged):
             "value_of_stochastic_solution": self.value_of_stochastic_solution(),
         }
         if self.certificates is not None:
-            found["certificates"] = {k: asdict(v.worst()) for k, v in self.certificates.items()}
-        return _clean(found)
+            summary["certificates"] = {k: asdict(v.worst()) for k, v in self.certificates.items()}
+        return _clean(summary)
 
     def save(self, folder: str | Path) -> Path:
-        """Writes the report, all or nothing; see `dispatch.saving` for the files.
+        """Writes the report, all or nothing; see `evaluation.saving` for the files.
 
         Raises:
             UsageError: the folder holds something that is no earlier report.

@@ -2,8 +2,8 @@
 
 A part is a method and some scenarios, and what it gives depends on nothing but these: the parts are
 the same whoever works on them and however many do. A dispatcher that decides for all scenarios at
-once, by arithmetic alone, takes `TOGETHER` of them. One that keeps a solver's basis takes one:
-among decisions of equal cost the basis chooses, and it must not come from another scenario.
+once, by arithmetic alone, takes `STEPPED_AT_ONCE` of them. One that keeps a solver's basis takes
+one: among decisions of equal cost the basis chooses, and it must not come from another scenario.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from functools import partial
 
 import numpy as np
 
-from resilience.arrays import Ints
+from resilience.arrays import Floats, Ints
 from resilience.dispatch.registry import Factory, is_batched
+from resilience.errors import SolverError
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
+from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, spread
 from resilience.evaluation.store import Store
 from resilience.models.simulator import NetworkSimulator
@@ -25,14 +27,19 @@ from resilience.progress import Meter, meter
 from resilience.simulation.trajectory import Trajectory, joined
 from resilience.simulation.world import World, simulate
 
-BOUND = "clairvoyant"
-TOGETHER = 64  # scenarios of a part that are stepped at once
-PROVEN = 8  # episodes of a part of the bound, which share the calm solve
+STEPPED_AT_ONCE = 64  # scenarios of a part whose dispatcher decides for all of them together
+EPISODES_PER_BOUND_PART = 8  # which share the calm solve
 
 
 @dataclass(frozen=True)
 class Part:
-    """Some scenarios of a world, and who acts in them; the bound has no dispatcher."""
+    """Some scenarios of a world, and who acts in them.
+
+    Attributes:
+        name: the method's.
+        world: the world with these scenarios alone.
+        make: makes the dispatcher; None: the bound, which has none.
+    """
 
     name: str
     world: World
@@ -45,16 +52,18 @@ class Part:
         began = time.perf_counter(), time.process_time()
         dispatcher = self.make(self.world)
         wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
-        run = simulate(self.world, dispatcher, on_slot)
-        return replace(run, name=self.name, build_seconds=wall, build_cpu_seconds=cpu)
+        trajectory = simulate(self.world, dispatcher, on_slot)
+        return replace(trajectory, name=self.name, build_seconds=wall, build_cpu_seconds=cpu)
 
     def _bound(self, on_slot: Callable[[], None] | None) -> Trajectory:
         """The clairvoyant's: its solves are its building, since it decides everything at once."""
         began = time.perf_counter(), time.process_time()
         bound = clairvoyant(self.world)
         wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
-        run = simulate(self.world, Replay(BOUND, bound.charging), on_slot)
-        return replace(run, proven=bound.objective, build_seconds=wall, build_cpu_seconds=cpu)
+        trajectory = simulate(self.world, Replay(BOUND, bound.charging), on_slot)
+        return replace(
+            trajectory, proven=bound.objective, build_seconds=wall, build_cpu_seconds=cpu
+        )
 
 
 def run_all(
@@ -75,36 +84,50 @@ def run_all(
         store: where finished parts are kept, and taken from.
     """
     parts = [
-        Part(name, world.part(at), make)
+        Part(name, world.part(index), make)
         for name, make in {BOUND: None, **methods}.items()
-        for at in _split(world.scenarios.n, _size(world, make))
+        for index in _split(world.scenarios.n, _size(world, make))
     ]
     done: dict[int, Trajectory] = {}
     total = world.microgrid.case.slots * world.scenarios.n * (len(methods) + 1)
     with meter("dispatch", total) as progress:
-        for k, part in enumerate(parts):
-            kept = store.get(part.name, part.world, part.make) if store else None
-            if kept is not None:
-                done[k] = kept
-                progress.advance(kept.cost.size)
+        for k, piece in enumerate(parts):
+            stored = store.get(piece.name, piece.world, piece.make) if store else None
+            if stored is not None:
+                done[k] = stored
+                progress.advance(stored.cost.size)
         todo = [k for k in range(len(parts)) if k not in done]
-        for k, run in _run([parts[k] for k in todo], workers, engine, progress):
-            part = parts[todo[k]]
+        for k, trajectory in _run([parts[k] for k in todo], workers, engine, progress):
+            piece = parts[todo[k]]
             if store:
-                store.put(run, part.world, part.make)
-            done[todo[k]] = run
-    found: dict[str, list[Trajectory]] = {}
-    for k, part in enumerate(parts):
-        found.setdefault(part.name, []).append(done[k])
-    return {name: joined(runs) for name, runs in found.items()}
+                store.put(trajectory, piece.world, piece.make)
+            done[todo[k]] = trajectory
+    by_name: dict[str, list[Trajectory]] = {}
+    for k, piece in enumerate(parts):
+        by_name.setdefault(piece.name, []).append(done[k])
+    return {name: joined(trajectories) for name, trajectories in by_name.items()}
+
+
+def proven_bound(trajectory: Trajectory) -> Floats:
+    """(scenarios,) $ that no method can stay below, from the clairvoyant's trajectory.
+
+    Raises:
+        SolverError: it carries none.
+    """
+    if trajectory.proven is None:
+        raise SolverError(
+            f"the trajectory of {trajectory.name!r} carries no bound; allowed: the clairvoyant's",
+            hint="delete the folder's `parts` and compare again",
+        )
+    return trajectory.proven
 
 
 def _size(world: World, make: Factory | None) -> int:
     """Scenarios of one part."""
     if make is None:
-        return PROVEN
+        return EPISODES_PER_BOUND_PART
     alone = isinstance(world.simulator, NetworkSimulator)  # it keeps a basis, too
-    return TOGETHER if is_batched(make) and not alone else 1
+    return STEPPED_AT_ONCE if is_batched(make) and not alone else 1
 
 
 def _split(n: int, size: int) -> list[Ints]:
@@ -116,12 +139,12 @@ def _run(
 ) -> Iterator[tuple[int, Trajectory]]:
     """Number and outcome of every part, as they are finished."""
     if workers == 1 and engine == "local":
-        for k, part in enumerate(parts):
-            progress.on(part.name)
-            n = part.world.scenarios.n
-            yield k, part.run(partial(progress.advance, n))
+        for k, piece in enumerate(parts):
+            progress.on(piece.name)
+            n = piece.world.scenarios.n
+            yield k, piece.run(partial(progress.advance, n))
         return
-    for k, run in spread([part.run for part in parts], workers, engine):
+    for k, trajectory in spread([piece.run for piece in parts], workers, engine):
         progress.on(parts[k].name)
-        progress.advance(run.cost.size)
-        yield k, run
+        progress.advance(trajectory.cost.size)
+        yield k, trajectory

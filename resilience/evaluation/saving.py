@@ -68,8 +68,8 @@ def save_report(
         per_day(judged).to_parquet(target / "per_day.parquet")
         (target / "slots").mkdir()
         units = [unit.name for unit in judged.case.ess]
-        for name, run in judged.trajectories.items():
-            run.frame(units).to_parquet(target / "slots" / f"{name}.parquet")
+        for name, trajectory in judged.trajectories.items():
+            trajectory.frame(units).to_parquet(target / "slots" / f"{name}.parquet")
         save_trajectories(judged.trajectories, target)
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")
@@ -84,24 +84,24 @@ def per_episode(judged: Judged) -> pd.DataFrame:
 
     rule, n = judged.objective[judged.reference], judged.scenarios.n
     tables = []
-    for name, found in judged.measures.items():
+    for name, measures in judged.measures.items():
         columns = {
             "method": np.full(n, name),
             "episode": np.arange(n),
             "probability": judged.scenarios.probability,
-            "objective": found.objective,
-            "operating_cost": found.run.cost.sum(0),
-            "end_energy_mwh": found.run.credited_mwh,
+            "objective": measures.objective,
+            "operating_cost": measures.trajectory.cost.sum(0),
+            "end_energy_mwh": measures.trajectory.credited_mwh,
             "bound": judged.bound,
-            "gap_percent": 100.0 * statistics.gap_to_bound(found.objective, judged.bound),
-            "score": statistics.score(found.objective, rule, judged.bound),
-            "asifi": found.indices.asifi,
-            "asidi_h": found.indices.asidi_h,
+            "gap_percent": 100.0 * statistics.gap_to_bound(measures.objective, judged.bound),
+            "score": statistics.score(measures.objective, rule, judged.bound),
+            "asifi": measures.indices.asifi,
+            "asidi_h": measures.indices.asidi_h,
         }
-        columns |= {key: np.asarray(value) for key, value in vars(found.service).items()}
-        if not found.has_critical:
+        columns |= {key: np.asarray(value) for key, value in vars(measures.service).items()}
+        if not measures.has_critical:
             del columns["critical_served_share"], columns["first_critical_shed_h"]
-        columns |= {f"trapezoid_{key}": value for key, value in vars(found.shape).items()}
+        columns |= {f"trapezoid_{key}": value for key, value in vars(measures.shape).items()}
         tables.append(pd.DataFrame(columns))
     return pd.concat(tables, ignore_index=True)
 
@@ -113,15 +113,15 @@ def per_day(judged: Judged) -> pd.DataFrame:
     day = judged.world.day
     first = np.flatnonzero(np.diff(day, prepend=day[0] - 1))
     tables = []
-    for name, found in judged.measures.items():
-        stored = found.run.energy.sum(0)
-        days, n = found.daily_cost.shape
+    for name, measures in judged.measures.items():
+        stored = measures.trajectory.energy.sum(0)
+        days, n = measures.daily_cost.shape
         columns = {
             "method": np.full(days * n, name),
             "episode": np.repeat(np.arange(n), days),
             "day": np.tile(np.arange(days), n),
-            "operating_cost": found.daily_cost.T.ravel(),
-            "shed_mwh": found.daily_shed_mwh.T.ravel(),
+            "operating_cost": measures.daily_cost.T.ravel(),
+            "shed_mwh": measures.daily_shed_mwh.T.ravel(),
             "energy_start_mwh": stored[first].T.ravel(),
         }
         tables.append(pd.DataFrame(columns))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import BaseModel
 
-from resilience.dispatch.registry import DISPATCHERS
+from resilience.dispatch.registry import DISPATCHERS, Factory
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
 
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
     from resilience.simulation.world import World
 
 FOLDER = "parts"
-MEANINGLESS = {"description", "path", "source", "simulator", "probability", "seed", "process"}
+WITHOUT_EFFECT = {
+    "description", "path", "source", "simulator", "probability", "seed", "process",
+}  # fmt: skip
+"""Fields that no trajectory depends on."""
 
 
 class Store:
@@ -38,16 +41,16 @@ class Store:
     def __init__(self, folder: Path) -> None:
         self.folder = folder / FOLDER
 
-    def get(self, name: str, world: World, make: Any) -> Trajectory | None:
+    def get(self, name: str, world: World, make: Factory | None) -> Trajectory | None:
         """A part that was kept, None where there is none."""
         path = self._path(name, world, make)
         return load_trajectory(path) if path.is_file() else None
 
-    def put(self, run: Trajectory, world: World, make: Any) -> None:
+    def put(self, trajectory: Trajectory, world: World, make: Factory | None) -> None:
         """Keeps a part: its file appears whole or not at all."""
-        save_trajectory(run, self._path(run.name, world, make))
+        save_trajectory(trajectory, self._path(trajectory.name, world, make))
 
-    def _path(self, name: str, world: World, make: Any) -> Path:
+    def _path(self, name: str, world: World, make: Factory | None) -> Path:
         digest = hashlib.sha256()
         _feed(digest, [code(), name, _facts(world), _maker(name, make)])
         first, last = world.index[[0, -1]]
@@ -69,11 +72,11 @@ def code() -> str:
 
 def _facts(world: World) -> list[Any]:
     """What a part depends on apart from its method."""
-    told = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
-    return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, told]
+    settings = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
+    return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, settings]
 
 
-def _maker(name: str, make: Any) -> Any:
+def _maker(name: str, make: Factory | None) -> Any:
     """What identifies a dispatcher that is none of the package's own."""
     if make is None or DISPATCHERS.get(name) is make:
         return None
@@ -94,7 +97,7 @@ def _feed(digest: Any, value: Any) -> None:
         _feed(digest, {f.name: getattr(value, f.name) for f in fields(value)})
     elif isinstance(value, Mapping):
         for key in sorted(value):
-            if key not in MEANINGLESS:
+            if key not in WITHOUT_EFFECT:
                 _feed(digest, [key, value[key]])
     elif isinstance(value, list | tuple):
         for item in value:

@@ -8,11 +8,10 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.comparison import Compared
+from resilience.evaluation.comparison import BOUND, Compared
 from resilience.evaluation.measures.statistics import MeanInterval, mean_interval, triviality
 
-BOUND = "clairvoyant"
-SAME_MWH = 5e-4
+SHED_RESOLUTION_MWH = 5e-4
 """Shedding per day that is printed alike is called alike, MWh."""
 
 
@@ -63,12 +62,12 @@ def verdict(compared: Compared) -> tuple[str, ...]:
     order = ranked(compared)
     best = order[0]
     others = [name for name in order if name not in (best, REFERENCE)]
-    found = [_best(compared, best)]
+    sentences = [_best(compared, best)]
     if best != REFERENCE:
-        found.append(_luck(saving(compared, best, REFERENCE)))
-    found += _as_good(compared, best, others)
-    found.append(_room(compared))
-    return tuple(found)
+        sentences.append(_luck(saving(compared, best, REFERENCE)))
+    sentences += _as_good(compared, best, others)
+    sentences.append(_room(compared))
+    return tuple(sentences)
 
 
 def _best(compared: Compared, best: str) -> str:
@@ -83,22 +82,22 @@ def _best(compared: Compared, best: str) -> str:
     share = f" ({100 * gain / abs(rule):.1f} %)" if rule else ""
     words += f" That saves {gain:.2f} $/day{share} against {REFERENCE}, a battery kept full,"
     more = shed_per_day(compared, best) - shed_per_day(compared, REFERENCE)
-    if abs(more) < SAME_MWH:
+    if abs(more) < SHED_RESOLUTION_MWH:
         return words + " and sheds as much."
     link, way = ("but", "more") if more > 0 else ("and", "less")
     return words + f" {link} sheds {abs(more):.3f} MWh/day {way}."
 
 
-def _luck(found: MeanInterval) -> str:
-    if math.isnan(found.low):
+def _luck(gain: MeanInterval) -> str:
+    if math.isnan(gain.low):
         return "One episode says nothing about luck; ask for more with --draws."
-    span = f"{found.low:.2f} to {found.high:.2f} $/day"
-    if found.excludes_zero:
+    span = f"{gain.low:.2f} to {gain.high:.2f} $/day"
+    if gain.excludes_zero:
         return (
-            f"That is not luck: the 95 % interval of the saving over {found.n} episodes is {span}."
+            f"That is not luck: the 95 % interval of the saving over {gain.n} episodes is {span}."
         )
     return (
-        f"That may be luck: the 95 % interval of the saving over {found.n} episodes is {span} and "
+        f"That may be luck: the 95 % interval of the saving over {gain.n} episodes is {span} and "
         "includes zero; more --draws narrow it."
     )
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.comparison import Compared
-from resilience.evaluation.verdict import BOUND, days_of, verdict
+from resilience.evaluation.comparison import BOUND, Compared
+from resilience.evaluation.verdict import days_of, verdict
 from resilience.files import check_picture
 from resilience.plots import style
 from resilience.plots.report_data import Record, daily_cost, has_bound, records

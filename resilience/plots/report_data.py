@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.evaluation.comparison import Compared, day_spans
+from resilience.evaluation.comparison import BOUND, Compared, day_spans
 from resilience.evaluation.measures.statistics import MeanInterval
-from resilience.evaluation.verdict import BOUND, days_of, interval, ranked, shed_per_day
+from resilience.evaluation.verdict import days_of, interval, ranked, shed_per_day
 
 
 @dataclass(frozen=True)

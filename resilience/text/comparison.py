@@ -16,7 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.verdict import BOUND, verdict
+from resilience.evaluation.comparison import BOUND
+from resilience.evaluation.verdict import verdict
 
 if TYPE_CHECKING:
     import pandas as pd

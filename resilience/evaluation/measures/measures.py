@@ -49,6 +49,7 @@ class Measures:
         indices: interruptions by load.
         shape: the trapezoid of the load served.
         has_critical: whether any load counts as critical.
+        trajectory: what was measured.
     """
 
     objective: Floats
@@ -59,7 +60,7 @@ class Measures:
     indices: InterruptionIndices
     shape: Trapezoid
     has_critical: bool
-    run: Trajectory = field(repr=False)
+    trajectory: Trajectory = field(repr=False)
 
     @cached_property
     def worst_day(self) -> tuple[float, int, int]:
@@ -68,32 +69,32 @@ class Measures:
         return float(self.daily_cost[day, episode]), int(day), int(episode)
 
 
-def measure(world: World, run: Trajectory, asked: Floats) -> Measures:
-    """Measures a trajectory.
+def measure(world: World, trajectory: Trajectory, demand_mw: Floats) -> Measures:
+    """What can be measured of a trajectory.
 
     Args:
         world: where it happened.
-        run: what happened.
-        asked: `demand` of the world.
+        trajectory: what happened.
+        demand_mw: `demand` of the world.
     """
     case = world.microgrid.case
     # The recourse sheds to within rounding of 0 and of the demand.
-    shed = np.clip(run.flow("load.shed"), 0.0, asked)
+    shed = np.clip(trajectory.flow("load.shed"), 0.0, demand_mw)
     critical = critical_loads(case)
     priority = np.array([load.priority for load in case.load])
-    chosen = {"critical": critical, "priority": priority}
+    weights = {"critical": critical, "priority": priority}
     likely = world.scenarios.probability
     first = np.flatnonzero(np.diff(world.day, prepend=world.day[0] - 1))
     return Measures(
-        objective=run.objective(world.end_value_per_mwh),
-        daily_cost=np.add.reduceat(run.cost, first, axis=0),
+        objective=trajectory.objective(world.end_value_per_mwh),
+        daily_cost=np.add.reduceat(trajectory.cost, first, axis=0),
         daily_shed_mwh=np.add.reduceat(shed.sum(0), first, axis=0) * case.step_h,
-        service=metrics.service(asked, shed, case.step_h, **chosen),
-        adequacy=metrics.adequacy(asked, shed, case.step_h, probability=likely, **chosen),
-        indices=metrics.interruption_indices(asked, shed, case.step_h),
-        shape=trapezoid(metrics.served_ratio(asked, shed), case.step_h),
+        service=metrics.service(demand_mw, shed, case.step_h, **weights),
+        adequacy=metrics.adequacy(demand_mw, shed, case.step_h, probability=likely, **weights),
+        indices=metrics.interruption_indices(demand_mw, shed, case.step_h),
+        shape=trapezoid(metrics.served_ratio(demand_mw, shed), case.step_h),
         has_critical=bool(critical.any()),
-        run=run,
+        trajectory=trajectory,
     )
 
 

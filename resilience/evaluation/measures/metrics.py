@@ -142,20 +142,20 @@ def adequacy(
     The other arguments and the errors are those of `service`; also raised for probabilities that
     are negative or do not add up to 1.
     """
-    each = service(demand, shed, dt_h, critical=critical, priority=priority)
-    p = weights(probability, len(each.ens_mwh))
+    members = service(demand, shed, dt_h, critical=critical, priority=priority)
+    p = weights(probability, len(members.ens_mwh))
     demand = np.broadcast_to(demand, np.shape(shed))
     mask = np.ones(len(shed), bool) if critical is None else np.asarray(critical, bool)
     return Adequacy(
-        eens_mwh=float(p @ each.ens_mwh),
-        weighted_eens_mwh=float(p @ each.weighted_ens_mwh),
-        shed_mw_slots=float(p @ each.shed_mw_slots),
-        lole_h=float(p @ each.shed_h),
-        lolp_slots=float(p @ each.shed_slot_share),
-        lolp_members=float(p @ (each.shed_h > 0)),
+        eens_mwh=float(p @ members.ens_mwh),
+        weighted_eens_mwh=float(p @ members.weighted_ens_mwh),
+        shed_mw_slots=float(p @ members.shed_mw_slots),
+        lole_h=float(p @ members.shed_h),
+        lolp_slots=float(p @ members.shed_slot_share),
+        lolp_members=float(p @ (members.shed_h > 0)),
         served_share=float(_share(demand * p, shed * p, None)),
         critical_served_share=float(_share((demand * p)[mask], (shed * p)[mask], None)),
-        p_critical_served=survival(each.first_critical_shed_h, np.inf, p),
+        p_critical_served=survival(members.first_critical_shed_h, np.inf, p),
     )
 
 
@@ -238,13 +238,13 @@ def _checked(demand: Floats, shed: Floats, dt_h: float) -> tuple[Floats, Floats]
     check_step(dt_h)
     inside = (shed >= -SHED_TOLERANCE_MW) & (shed <= demand + SHED_TOLERANCE_MW)  # False for NaN
     if not inside.all():
-        at = tuple(int(k) for k in np.argwhere(~inside)[0])
-        raise UsageError(f"shed{list(at)} is {shed[at]:g} MW; allowed: 0 to the demand")
+        first = tuple(int(k) for k in np.argwhere(~inside)[0])
+        raise UsageError(f"shed{list(first)} is {shed[first]:g} MW; allowed: 0 to the demand")
     return np.broadcast_to(demand, shed.shape), shed
 
 
 def check_step(dt_h: float) -> None:
-    """Raise UsageError for a step that is not positive."""
+    """Raises UsageError for a step that is not positive."""
     if not dt_h > 0:
         raise UsageError(f"dt_h is {dt_h:g}; allowed: more than 0 hours")
 
@@ -270,6 +270,6 @@ def _first(flags: Bools) -> NDArray[np.intp]:
 
 def _share(demand: Floats, shed: Floats, axis: int | tuple[int, ...] | None) -> Floats:
     """Served / demanded, summed over the axes; 1 where nothing is demanded."""
-    asked, lost = np.sum(demand, axis=axis), np.sum(shed, axis=axis)
-    nothing = asked <= 0
-    return np.asarray(np.where(nothing, 1.0, 1.0 - lost / np.where(nothing, 1.0, asked)), float)
+    total, lost = np.sum(demand, axis=axis), np.sum(shed, axis=axis)
+    nothing = total <= 0
+    return np.asarray(np.where(nothing, 1.0, 1.0 - lost / np.where(nothing, 1.0, total)), float)

@@ -17,33 +17,11 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.program.risk_measures import (
-    conditional_value_at_risk,
-    finite_values,
-    weights,
-    worst,
-)
+from resilience.models.program.risk_measures import finite_values, weights
 from resilience.tolerances import COST_TOLERANCE
 
 TRIVIAL_SHARE = 0.01
 """Below this room between rule 0.9 and the bound, no ranking means anything."""
-
-
-@dataclass(frozen=True)
-class CostSummary:
-    """Costs of one dispatcher over the episodes.
-
-    Attributes:
-        mean_cost: $ per episode.
-        interquartile_mean_cost: mean of the middle half, $.
-        cvar_95_cost: mean of the worst 5 %, $.
-        worst_cost: the dearest episode, $.
-    """
-
-    mean_cost: float
-    interquartile_mean_cost: float
-    cvar_95_cost: float
-    worst_cost: float
 
 
 @dataclass(frozen=True)
@@ -81,17 +59,6 @@ class Triviality:
 
     room_share: float
     trivial: bool
-
-
-def summarise_costs(cost: ArrayLike) -> CostSummary:
-    """Mean, interquartile mean, CVaR-95 and worst of costs in $; episodes count alike."""
-    values = finite_values(cost)
-    return CostSummary(
-        mean_cost=float(values.mean()),
-        interquartile_mean_cost=interquartile_mean(values),
-        cvar_95_cost=conditional_value_at_risk(values, 0.95),
-        worst_cost=worst(values),
-    )
 
 
 def interquartile_mean(values: ArrayLike) -> float:
@@ -239,7 +206,7 @@ def _groups(x: Floats, strata: ArrayLike | None) -> list[Floats]:
         label = np.asarray(strata)
         if label.shape != x.shape:
             raise UsageError(f"strata have the shape {label.shape}; allowed: {x.shape}")
-        groups = [x[label == each] for each in np.unique(label)]
+        groups = [x[label == stratum] for stratum in np.unique(label)]
     if min(len(group) for group in groups) < 2:
         raise UsageError(
             "a stratum has 1 value; allowed: at least 2",

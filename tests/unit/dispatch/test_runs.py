@@ -109,7 +109,7 @@ def test_random_dispatchers_repeat_themselves_in_any_split(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = rs.evaluate(world, {"drawn": Drawn})
-    monkeypatch.setattr(runs, "TOGETHER", 1)
+    monkeypatch.setattr(runs, "STEPPED_AT_ONCE", 1)
     np.testing.assert_allclose(
         rs.evaluate(world, {"drawn": Drawn}, workers=2).objective["drawn"],
         whole.objective["drawn"],

@@ -72,11 +72,6 @@ def test_interquartile_mean_leaves_the_outer_quarters_out():
     assert statistics.interquartile_mean([5]) == 5
 
 
-def test_summary_by_hand():
-    found = statistics.summarise_costs([1, 2, 3, 10])
-    assert found == statistics.CostSummary(4.0, 2.5, 10.0, 10.0)
-
-
 def test_interval_of_a_large_sample_is_the_normal_one():
     x = rng().normal(3, 2, 400)
     found = statistics.mean_interval(x, rng(), resamples=4000)
