@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from resilience.evaluation.compare import Report
 
-GAP = 2  # blanks between columns
+COLUMN_GAP = 2  # blanks between columns
 Row = Mapping[str, Any]
 
 
@@ -35,7 +35,8 @@ class Column:
 
     Attributes:
         key: column of the frame; of an interval the two ends, low and high.
-        head: its name, and below it the unit.
+        head: its name.
+        unit: its unit, which stands below the name.
         digits: decimals where the values are below 100; fewer above, never more.
         rank: 1 is shown first, the highest rank is left out first.
         about: what the head leaves open, for the legend.
@@ -60,8 +61,8 @@ class Column:
     def texts(self, frame: pd.DataFrame) -> list[str]:
         """A text per row; what is not defined is empty."""
         values = [self.scale * frame[key].to_numpy(float) for key in self.keys]
-        known = sorted(abs(v) for v in values[0] if math.isfinite(v))
-        middle = known[len(known) // 2] if known else 0.0
+        sizes = sorted(abs(v) for v in values[0] if math.isfinite(v))
+        middle = sizes[len(sizes) // 2] if sizes else 0.0
         digits = max(min(self.digits, 3 - math.floor(math.log10(max(middle, 1.0)))), 0)
         return [self._text(ends, digits) for ends in zip(*values, strict=True)]
 
@@ -148,16 +149,17 @@ def _ordered(report: Report) -> pd.DataFrame:
 def chosen(frame: pd.DataFrame, width: int) -> list[Column]:
     """The columns that the frame has and that fit into `width` letters, first ranks first."""
     room = width - max(map(len, ["method", *map(str, frame.index)]))
-    kept = []
-    for column in sorted(_known(frame), key=lambda c: c.rank):
-        needed = _width(column, column.texts(frame)) + GAP
+    fitting = []
+    for column in sorted(_filled(frame), key=lambda c: c.rank):
+        needed = _width(column, column.texts(frame)) + COLUMN_GAP
         if needed <= room:
             room -= needed
-            kept.append(column)
-    return [column for column in COLUMNS if column in kept]
+            fitting.append(column)
+    return [column for column in COLUMNS if column in fitting]
 
 
-def _known(frame: pd.DataFrame) -> list[Column]:
+def _filled(frame: pd.DataFrame) -> list[Column]:
+    """The columns that the frame has and that say anything of any method."""
     there = [column for column in COLUMNS if set(column.keys) <= set(frame.columns)]
     return [column for column in there if any(column.texts(frame))]
 
@@ -170,7 +172,7 @@ def _table(frame: pd.DataFrame, shown: list[Column]) -> Table:
     from rich import box
 
     # The box sets one blank between columns.
-    right = (0, GAP - 1, 0, 0)
+    right = (0, COLUMN_GAP - 1, 0, 0)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=right, show_edge=False)
     names = ["method", *map(str, frame.index)]
     table.add_column("method\n", min_width=max(map(len, names)), overflow="fold")
@@ -189,7 +191,7 @@ def _legend(frame: pd.DataFrame, shown: list[Column]) -> str:
     parts = [f"{BOUND}: the bound, storms known in advance"]
     parts += [f"{column.head}: {column.about}" for column in shown if column.about]
     text = "; ".join(parts) + "."
-    left = len(_known(frame)) - len(shown)
-    if left:
-        text += f" A wider terminal shows {left} more columns; --json and --out have them all."
+    hidden = len(_filled(frame)) - len(shown)
+    if hidden:
+        text += f" A wider terminal shows {hidden} more columns; --json and --out have them all."
     return text

@@ -13,22 +13,27 @@ from rich.text import Text
 
 from resilience.case.outages import outage_texts
 from resilience.planning.plan import Plan
+from resilience.planning.records import CertifiedPlan
 from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.case.schema import DeviceTable
 
-SHOWN = 12  # names in a list before the rest is only counted
+MAX_LISTED = 12  # names in a list, before the others are only counted
 
 
 def print_plan(plan: Plan, console: Console) -> None:
     """Prints the plan: verdict, what was assumed, costs, energy, shedding, certificate, time."""
     console.print(_verdict(plan))
     console.print(_assumed(plan))
-    for part in (_money_and_energy(plan, console.width), _shed(plan), _certificate(plan)):
+    for section in (
+        _money_and_energy(plan, console.width),
+        _shed(plan),
+        Padding(certificate(plan), (0, 0)),
+    ):
         console.print()
-        console.print(part)
+        console.print(section)
     if plan.outages:
         console.print("This plan knew its outages; the operator's plan is --method stochastic.")
 
@@ -91,13 +96,12 @@ def _money_and_energy(plan: Plan, width: int) -> RenderableType:
         "discharge": "discharged",
     }
     energy = [(names[key], f"{abs(plan.energy_mwh[key]):.3f}") for key in names]
-    left = grid("Cost", costs, "term", "$")
-    right = grid("Energy", energy, "", "MWh")
+    tables = grid("Cost", costs, "term", "$"), grid("Energy", energy, "", "MWh")
     if width < 60:
-        return Group(left, right)
-    both = Table.grid(padding=(0, 4))
-    both.add_row(left, right)
-    return both
+        return Group(*tables)
+    abreast = Table.grid(padding=(0, 4))
+    abreast.add_row(*tables)
+    return abreast
 
 
 def _shed(plan: Plan) -> RenderableType:
@@ -114,24 +118,31 @@ def _shed(plan: Plan) -> RenderableType:
     return table
 
 
-def _certificate(plan: Plan) -> RenderableType:
-    worst = max(plan.audit.values(), default=0.0)
+def certificate(plan: CertifiedPlan, scope: str = "", algorithm: str = "") -> Text:
+    """What of the model a plan satisfies, how well, and how long it took.
+
+    Args:
+        plan: of either kind.
+        scope: where it satisfies the model, if not simply everywhere.
+        algorithm: how it was found.
+    """
     text = Text()
     if plan.relaxed:
         text.append("relaxed, and not satisfied by this plan:\n", "bold red")
         for line in plan.relaxed:
             text.append(f"  {line}\n", "red")
-    else:
-        text.append(f"satisfies the whole {plan.physics} model", "green")
-        text.append("\n")
-    text.append("audit: worst scaled violation ")
-    text.append(f"{worst:.1e}", "green" if worst <= AUDIT_TOLERANCE else "red")
-    text.append(f" at {plan.audit_worst}\n" if plan.audit_worst else "\n")
+    elif plan.audit:
+        text.append(f"satisfies the whole {plan.physics} model{scope}\n", "green")
+    if plan.audit:
+        worst = max(plan.audit.values())
+        text.append("audit: worst scaled violation ")
+        text.append(f"{worst:.1e}", "green" if worst <= AUDIT_TOLERANCE else "red")
+        text.append(f" at {plan.audit_worst}\n" if plan.audit_worst else "\n")
     for note in plan.notes:
         text.append(f"note: {note}\n", "yellow")
     phases = ", ".join(f"{name} {s:.2f}" for name, s in plan.seconds_by_phase.items())
-    text.append(f"time: {plan.seconds:.2f} s ({phases})", "dim")
-    return Padding(text, (0, 0))
+    text.append(f"time: {plan.seconds:.2f} s ({algorithm}{phases})", "dim")
+    return text
 
 
 def print_case(case: Case, console: Console) -> None:
@@ -167,8 +178,8 @@ def print_case(case: Case, console: Console) -> None:
 
 def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ...]:
     total = sum(getattr(t, size) for t in tables)
-    places = ", ".join(f"{t.name}@{t.bus}" for t in tables[:SHOWN])
-    more = f" and {len(tables) - SHOWN} more" if len(tables) > SHOWN else ""
+    places = ", ".join(f"{t.name}@{t.bus}" for t in tables[:MAX_LISTED])
+    more = f" and {len(tables) - MAX_LISTED} more" if len(tables) > MAX_LISTED else ""
     return kind, str(len(tables)), f"{total:.3f}", places + more
 
 
@@ -183,13 +194,12 @@ def _islands(case: Case) -> list[str]:
     situation = microgrid.situation(status(case))
     counts = situation.island.max(axis=0) + 1
     worst = int(counts.argmax())
-    found = [f"most islands: {counts[worst]}, from {case.slot_label(worst)}"]
+    lines = [f"most islands: {counts[worst]}, from {case.slot_label(worst)}"]
     for number in range(int(counts[worst])):
         inside = situation.island[microgrid.bus_of, worst] == number
         buses = [name for name, yes in zip(case.network.bus_names, inside, strict=True) if yes]
-        dead = (
-            "" if situation.alive[microgrid.bus_of, worst][inside].any() else " (no source: dead)"
-        )
-        shown = ", ".join(buses[:SHOWN]) + (f", ... ({len(buses)})" if len(buses) > SHOWN else "")
-        found.append(f"  {shown}{dead}")
-    return found
+        is_alive = situation.alive[microgrid.bus_of, worst][inside].any()
+        more = f", ... ({len(buses)})" if len(buses) > MAX_LISTED else ""
+        verdict = "" if is_alive else " (no source: dead)"
+        lines.append(f"  {', '.join(buses[:MAX_LISTED])}{more}{verdict}")
+    return lines

@@ -10,18 +10,18 @@ from rich.text import Text
 
 from resilience.arrays import Floats
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.text.plan import grid, percent
-from resilience.tolerances import AUDIT_TOLERANCE
+from resilience.text.plan import certificate, grid, percent
 
-ROWS = 12  # of the common schedule: more would not be read
+MAX_SCHEDULE_ROWS = 12  # more would not be read
 
 
 def print_scenario_plan(plan: ScenarioPlan, console: Console) -> None:
     """Prints the plan: costs and bound, the common schedule, scenarios, certificate, time."""
     console.print(_verdict(plan))
-    for part in (_schedule(plan), _over_scenarios(plan), _certificate(plan)):
+    proof = certificate(plan, " in every scenario", f"{plan.algorithm}; ")
+    for section in (_schedule(plan), _over_scenarios(plan), proof):
         console.print()
-        console.print(part)
+        console.print(section)
 
 
 def _verdict(plan: ScenarioPlan) -> Text:
@@ -41,7 +41,7 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
     case, n = plan.case, plan.common_slots
     if case is None:
         return Text("without its case, the common schedule cannot be summed up")
-    width = max(-(-n // ROWS), 1)
+    width = max(-(-n // MAX_SCHEDULE_ROWS), 1)
     starts = np.arange(0, n, width)
     power = plan.tables["power"]
 
@@ -86,23 +86,3 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
         more = f"{plan.value_of_stochastic_solution:.4f} $"
         rows.append(("value of the stochastic solution", more))
     return grid("Over scenarios", rows, "", "")
-
-
-def _certificate(plan: ScenarioPlan) -> Text:
-    text = Text()
-    if plan.relaxed:
-        text.append("relaxed, and not satisfied by this plan:\n", "bold red")
-        for line in plan.relaxed:
-            text.append(f"  {line}\n", "red")
-    elif plan.audit:
-        text.append(f"satisfies the whole {plan.physics} model in every scenario\n", "green")
-    if plan.audit:
-        worst = max(plan.audit.values())
-        text.append("audit: worst scaled violation ")
-        text.append(f"{worst:.1e}", "green" if worst <= AUDIT_TOLERANCE else "red")
-        text.append(f" at {plan.audit_worst}\n")
-    for note in plan.notes:
-        text.append(f"note: {note}\n", "yellow")
-    phases = ", ".join(f"{name} {s:.2f}" for name, s in plan.seconds_by_phase.items())
-    text.append(f"time: {plan.seconds:.2f} s ({plan.algorithm}; {phases})", "dim")
-    return text

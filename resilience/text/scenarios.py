@@ -18,8 +18,8 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     from rich import box
     from rich.table import Table
 
-    found = summary(scenarios, case)
-    days = "1 day" if found["days"] == 1 else f"{found['days']} days"
+    numbers = summary(scenarios, case)
+    days = "1 day" if numbers["days"] == 1 else f"{numbers['days']} days"
     seed = "" if scenarios.seed is None else f", seed {scenarios.seed}"
     console.print(
         f"[bold]{case.name}[/bold]  {scenarios.n} scenarios of {days}{seed}", highlight=False
@@ -29,7 +29,7 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     per, heads = ("_per_day", ("out on a day", "h out a day")) if daily else ("", ("out", "h out"))
     for head in ("line", *heads, "h per outage"):
         table.add_column(head, justify="left" if head == "line" else "right")
-    for line, row in found["lines"].items():
+    for line, row in numbers["lines"].items():
         table.add_row(
             line,
             f"{100 * row[f'outage_chance{per}']:.1f} %",
@@ -39,7 +39,7 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     console.print(table)
     console.print(
         f"all {len(scenarios.lines)} out at once "
-        f"{'on' if daily else 'in'} {100 * found[f'all_out_chance{per}']:.1f} % of "
+        f"{'on' if daily else 'in'} {100 * numbers[f'all_out_chance{per}']:.1f} % of "
         f"{'days' if daily else 'scenarios'}",
         highlight=False,
     )
