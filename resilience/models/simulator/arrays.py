@@ -1,99 +1,100 @@
 """The few array operations of the simulator, for NumPy and for torch (differentiable).
 
-Arrays are (n, batch). Constants of the simulator are kept once per kind of array, that is per
-library, number type and device, so that a step converts nothing.
+Arrays are (n, batch). No operation changes an argument, on either library: gradients need the
+values that went in, and a caller need not know which library it is on. Where NumPy would make a
+new array per term, one operation holds the whole expression and works in an array of its own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 
-Array = Any
-SPARSE = 100_000  # entries of a matrix from which torch gets it sparse
+if TYPE_CHECKING:
+    import torch
+
+# A NumPy array or a torch tensor. The union of both would need a cast at every operator.
+Array: TypeAlias = Any
+SPARSE_FROM_ENTRIES = 100_000  # entries, zeros included, from which torch gets a matrix sparse
 
 
-@dataclass(eq=False)
-class Constant:
-    """A constant array, (n, 1) or of any shape, kept in every kind that was asked for."""
+class ArrayOps(Protocol):
+    """The operations that a step needs, on arrays of one library, number type and device.
 
-    value: Floats
-    _made: dict[Any, Any] = field(default_factory=dict, repr=False)
+    None changes its arguments. A result may share memory with them.
+    """
 
-    def of(self, ops: Any) -> Array:
-        """The constant as an array of the kind of `ops`."""
-        found = self._made.get(ops)
-        if found is None:
-            found = self._made[ops] = ops.array(self.value)
-        return found
+    def array(self, value: Floats) -> Array:
+        """A constant."""
 
+    def matrix(self, value: sp.csr_array) -> Array:
+        """A constant matrix, for `matrix @ array`."""
 
-@dataclass(eq=False)
-class Matrix:
-    """A constant sparse matrix, kept likewise."""
+    def minimum(self, x: Array, y: Array) -> Array:
+        """The smaller value at every place."""
 
-    value: sp.csr_array
-    _made: dict[Any, Any] = field(default_factory=dict, repr=False)
+    def maximum(self, x: Array, y: Array) -> Array:
+        """The larger value at every place."""
 
-    def of(self, ops: Any) -> Any:
-        """The matrix in the kind of `ops`."""
-        found = self._made.get(ops)
-        if found is None:
-            found = self._made[ops] = ops.matrix(self.value)
-        return found
+    def where(self, condition: Array, x: Array, y: Array) -> Array:
+        """Takes x where the condition holds, y elsewhere."""
 
+    def joined(self, arrays: Sequence[Array]) -> Array:
+        """Arrays one below the other."""
 
-@dataclass(eq=False)
-class Map:
-    """constant + coefficients @ data, for a constant (n,) and a sparse matrix (n, n_data)."""
+    def positive(self, x: Array) -> Array:
+        """max(x, 0)."""
 
-    constant: Floats
-    coefficients: sp.csr_array
-    _made: dict[Any, Any] = field(default_factory=dict, repr=False)
+    def positive_up_to(self, x: Array, limit: Array) -> Array:
+        """min(max(x, 0), limit), as wide as x."""
 
-    def of(self, ops: Any) -> tuple[Array, Array]:
-        """Constant (n, 1), None where it is zero, and matrix, None where data has no part in it."""
-        found = self._made.get(ops)
-        if found is None:
-            constant, matrix = self.constant[:, None], self.coefficients
-            moves, rests = matrix.nnz > 0, not constant.any()
-            found = (
-                None if rests and moves else ops.array(constant),
-                ops.matrix(matrix) if moves else None,
-            )
-            self._made[ops] = found
-        return found
+    def clipped(self, x: Array, *limits: Array) -> Array:
+        """max(min(x, *limits), 0)."""
 
-    @cached_property
-    def _block(self) -> slice | None:
-        """Where in the data the values stand as they are, one below the other, if they do."""
-        at = self.coefficients.indices
-        plain = np.diff(self.coefficients.indptr) == 1
-        if not len(at) or self.constant.any() or not plain.all() or (np.diff(at) != 1).any():
-            return None
-        return slice(int(at[0]), int(at[-1]) + 1) if (self.coefficients.data == 1.0).all() else None
+    def scaled_difference(self, x: Array, y: Array, scale: Array) -> Array:
+        """(x - y) scale, as wide as x - y."""
 
-    def __call__(self, ops: Any, data: Array) -> Array:
-        """(n, batch) the values, or (n, 1) where data has no part in them. Not to be changed."""
-        if self._block is not None:
-            return data[self._block]
-        constant, matrix = self.of(ops)
-        if matrix is None:
-            return constant
-        moved = matrix @ data
-        return moved if constant is None else constant + moved
+    def weighted_sum(self, a: Array, x: Array, b: Array, y: Array, offset: Array) -> Array:
+        """(a x + offset) + b y, as wide as x."""
+
+    def scaled_rows(self, x: Array, index: Ints, scale: Array, offset: Array) -> Array:
+        """x[index] scale + offset, as wide as x."""
+
+    def wide(self, x: Array, batch: int) -> Array:
+        """The array (..., 1) or (..., batch) as (..., batch)."""
+
+    def island_sums(self, x: Array, island: Array) -> Array:
+        """(..., buses, batch) sums over islands, in the row of the island's number."""
+
+    def at_buses(self, x: Array, island: Array) -> Array:
+        """(..., buses, batch) the island's value at each of its buses."""
+
+    def rows(self, x: Array, index: Ints) -> Array:
+        """Some rows of x."""
+
+    def may_exceed(self, x: Array, threshold: float) -> bool:
+        """False only if no abs(x) exceeds the threshold; what only then matters may be left out."""
+
+    def as_numpy(self, x: Array) -> np.ndarray:
+        """The array as a NumPy array."""
 
 
 @dataclass(frozen=True)
 class Grouped:
-    """A matrix with many columns alike: these are added up before anything is multiplied."""
+    """A matrix with many columns alike: these are added up before anything is multiplied.
+
+    Attributes:
+        outer: (rows, distinct columns) the distinct columns.
+        inner: (distinct columns, columns) ones: which columns go into which distinct one.
+    """
 
     outer: sp.csr_array
     inner: sp.csr_array
@@ -113,25 +114,24 @@ def grouped(matrix: sp.csr_array) -> Grouped:
     columns.sort_indices()
     spans = [slice(a, b) for a, b in pairwise(columns.indptr)]
     keys = [(columns.indices[s].tobytes(), columns.data[s].tobytes()) for s in spans]
-    used = [k for k, s in enumerate(spans) if s.stop > s.start]
-    group = {key: n for n, key in enumerate(dict.fromkeys(keys[k] for k in used))}
-    rows = [group[keys[k]] for k in used]
+    filled = [k for k, s in enumerate(spans) if s.stop > s.start]
+    group = {key: n for n, key in enumerate(dict.fromkeys(keys[k] for k in filled))}
+    rows = [group[keys[k]] for k in filled]
     first = [keys.index(key) for key in group]
-    one = np.ones(len(used), matrix.dtype)
-    inner = sp.csr_array((one, (rows, used)), shape=(len(group), matrix.shape[1]))
+    ones = np.ones(len(filled), matrix.dtype)
+    inner = sp.csr_array((ones, (rows, filled)), shape=(len(group), matrix.shape[1]))
     return Grouped(sp.csr_array(columns[:, first]), inner)
 
 
 @dataclass(frozen=True)
-class NumPy:
-    """Operations on numpy arrays of one number type."""
+class NumPyOps:
+    """Operations on NumPy arrays.
 
-    dtype: Any
+    Attributes:
+        dtype: number type.
+    """
 
-    minimum = staticmethod(np.minimum)
-    maximum = staticmethod(np.maximum)
-    where = staticmethod(np.where)
-    joined = staticmethod(np.concatenate)
+    dtype: np.dtype[Any]
 
     def array(self, value: Floats) -> np.ndarray:
         """A constant."""
@@ -139,8 +139,13 @@ class NumPy:
 
     def matrix(self, value: sp.csr_array) -> Grouped | sp.csr_array:
         """A constant matrix: in two steps where these are fewer entries."""
-        found = grouped(value.astype(self.dtype))
-        return found if found.nnz < value.nnz else value.astype(self.dtype)
+        in_two_steps = grouped(value.astype(self.dtype))
+        return in_two_steps if in_two_steps.nnz < value.nnz else value.astype(self.dtype)
+
+    minimum = staticmethod(np.minimum)
+    maximum = staticmethod(np.maximum)
+    where = staticmethod(np.where)
+    joined = staticmethod(np.concatenate)
 
     @staticmethod
     def positive(x: np.ndarray) -> np.ndarray:
@@ -148,174 +153,213 @@ class NumPy:
         return np.maximum(x, 0.0)
 
     @staticmethod
-    def between(x: np.ndarray, *most: np.ndarray) -> np.ndarray:
-        """x, a fresh array, cut to 0 and all of `most`, in place."""
-        for limit in most:
-            np.minimum(x, limit, out=x)
-        return np.maximum(x, 0.0, out=x)
+    def positive_up_to(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
+        """min(max(x, 0), limit), as wide as x."""
+        result = np.maximum(x, 0.0)
+        return np.minimum(result, limit, out=result)
 
     @staticmethod
-    def times(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """x y, in place of x, a fresh array as wide as y."""
-        return np.multiply(x, y, out=x)
+    def clipped(x: np.ndarray, *limits: np.ndarray) -> np.ndarray:
+        """max(min(x, *limits), 0)."""
+        result = np.minimum(x, limits[0])
+        for limit in limits[1:]:
+            np.minimum(result, limit, out=result)
+        return np.maximum(result, 0.0, out=result)
 
     @staticmethod
-    def plus(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """x + y, in place of x, a fresh array as wide as y."""
-        return np.add(x, y, out=x)
+    def scaled_difference(x: np.ndarray, y: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """(x - y) scale, as wide as x - y."""
+        result = x - y
+        return np.multiply(result, scale, out=result)
 
     @staticmethod
-    def less(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """x - y, in place of x, a fresh array as wide as y."""
-        return np.subtract(x, y, out=x)
+    def weighted_sum(
+        a: np.ndarray, x: np.ndarray, b: np.ndarray, y: np.ndarray, offset: np.ndarray
+    ) -> np.ndarray:
+        """(a x + offset) + b y, as wide as x."""
+        result = a * x
+        np.add(result, offset, out=result)
+        return np.add(result, b * y, out=result)
+
+    @staticmethod
+    def scaled_rows(
+        x: np.ndarray, index: Ints, scale: np.ndarray, offset: np.ndarray
+    ) -> np.ndarray:
+        """x[index] scale + offset, as wide as x."""
+        result = np.take(x, index, axis=0)
+        np.multiply(result, scale, out=result)
+        return np.add(result, offset, out=result)
 
     @staticmethod
     def wide(x: np.ndarray, batch: int) -> np.ndarray:
-        """x (..., 1) or (..., batch) as (..., batch)."""
+        """The array (..., 1) or (..., batch) as (..., batch)."""
         return x if x.shape[-1] == batch else np.repeat(x, batch, axis=-1)
 
-    def segment(self, x: np.ndarray, island: np.ndarray) -> np.ndarray:
+    def island_sums(self, x: np.ndarray, island: np.ndarray) -> np.ndarray:
         """(..., buses, batch) sums over islands, in the row of the island's number."""
         if len(island) == 1:
             return x
         n, batch = island.shape
-        at = (island * batch + np.arange(batch)).ravel()
-        parts = x.reshape(-1, n * batch)
-        at = (at + np.arange(len(parts))[:, None] * (n * batch)).ravel()
-        return np.bincount(at, x.ravel(), x.size).reshape(x.shape).astype(self.dtype, copy=False)
+        cell = (island * batch + np.arange(batch)).ravel()  # of the island's row, in (n, batch)
+        layers = x.size // (n * batch)
+        cell = (cell + np.arange(layers)[:, None] * (n * batch)).ravel()
+        return np.bincount(cell, x.ravel(), x.size).reshape(x.shape).astype(self.dtype, copy=False)
 
     @staticmethod
-    def spread(x: np.ndarray, island: np.ndarray) -> np.ndarray:
+    def at_buses(x: np.ndarray, island: np.ndarray) -> np.ndarray:
         """(..., buses, batch) the island's value at each of its buses."""
         if len(island) == 1:
             return x
         n, batch = island.shape
-        at = (island * batch + np.arange(batch)).ravel()
-        found: np.ndarray = np.take(x.reshape(-1, n * batch), at, axis=1)
-        return found.reshape(x.shape)
+        cell = (island * batch + np.arange(batch)).ravel()
+        return np.take(x.reshape(-1, n * batch), cell, axis=1).reshape(x.shape)
 
     @staticmethod
-    def rows(x: np.ndarray, at: Ints) -> np.ndarray:
-        """Some rows of x, a fresh array."""
-        return np.take(x, at, axis=0)  # ten times faster than an index
+    def rows(x: np.ndarray, index: Ints) -> np.ndarray:
+        """Some rows of x."""
+        return np.take(x, index, axis=0)  # ten times faster than an index
 
     @staticmethod
-    def some(x: np.ndarray, least: float) -> bool:
-        """Whether any |x| exceeds `least`: what only then matters may be left out."""
-        return bool(x.max(initial=0.0) > least or x.min(initial=0.0) < -least)
+    def may_exceed(x: np.ndarray, threshold: float) -> bool:
+        """Whether any abs(x) exceeds the threshold."""
+        return bool(x.max(initial=0.0) > threshold or x.min(initial=0.0) < -threshold)
 
     @staticmethod
-    def plain(x: np.ndarray) -> np.ndarray:
-        """x as a NumPy array."""
+    def as_numpy(x: np.ndarray) -> np.ndarray:
+        """The array itself."""
         return x
 
 
 @dataclass(frozen=True)
-class Torch:
-    """The same on torch tensors; gradients pass through."""
+class TorchOps:
+    """The same on torch tensors; gradients pass through.
 
-    dtype: Any
-    device: Any
+    Attributes:
+        dtype: number type.
+        device: where the tensors are.
+    """
 
-    @property
-    def _torch(self) -> Any:
+    dtype: torch.dtype
+    device: torch.device
+
+    def array(self, value: Floats) -> torch.Tensor:
+        """A constant, of the type and on the device of the state."""
         import torch
 
-        return torch
+        return torch.as_tensor(value, dtype=self.dtype, device=self.device)
 
-    def array(self, value: Floats) -> Any:
-        """A constant, of the type and on the device of the state."""
-        return self._torch.as_tensor(value, dtype=self.dtype, device=self.device)
-
-    def matrix(self, value: sp.csr_array) -> Any:
+    def matrix(self, value: sp.csr_array) -> torch.Tensor:
         """A constant matrix."""
-        if value.shape[0] * value.shape[1] < SPARSE:
+        import torch
+
+        if value.shape[0] * value.shape[1] < SPARSE_FROM_ENTRIES:
             return self.array(value.toarray())
         entries = value.tocoo()
-        at = np.stack([entries.row, entries.col])
-        return self._torch.sparse_coo_tensor(
-            at, entries.data, value.shape, dtype=self.dtype, device=self.device
+        return torch.sparse_coo_tensor(
+            torch.as_tensor(np.stack([entries.row, entries.col])),
+            torch.as_tensor(entries.data),
+            value.shape,
+            dtype=self.dtype,
+            device=self.device,
+            check_invariants=True,
         ).coalesce()
 
-    def minimum(self, x: Any, y: Any) -> Any:
-        """The smaller of each."""
-        return self._torch.minimum(x, y)
-
-    def maximum(self, x: Any, y: Any) -> Any:
-        """The larger of each."""
-        return self._torch.maximum(x, y)
-
-    def where(self, condition: Any, x: Any, y: Any) -> Any:
-        """x where the condition holds, y elsewhere."""
-        return self._torch.where(condition, x, y)
-
-    def joined(self, parts: list[Any]) -> Any:
-        """One below the other."""
-        return self._torch.cat(parts)
+    @staticmethod
+    def minimum(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+        """The smaller value at every place."""
+        return x.minimum(y)
 
     @staticmethod
-    def positive(x: Any) -> Any:
+    def maximum(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+        """The larger value at every place."""
+        return x.maximum(y)
+
+    @staticmethod
+    def where(condition: torch.Tensor, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
+        """Takes x where the condition holds, y elsewhere."""
+        return x.where(condition, y)
+
+    @staticmethod
+    def joined(arrays: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Tensors one below the other."""
+        import torch
+
+        return torch.cat(list(arrays))
+
+    @staticmethod
+    def positive(x: torch.Tensor) -> torch.Tensor:
         """max(x, 0)."""
         return x.clamp(min=0.0)
 
-    def between(self, x: Any, *most: Any) -> Any:
-        """x cut to 0 and all of `most`."""
-        for limit in most:
-            x = self._torch.minimum(x, limit)
+    @staticmethod
+    def positive_up_to(x: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:
+        """min(max(x, 0), limit), as wide as x."""
+        return x.clamp(min=0.0).minimum(limit)
+
+    @staticmethod
+    def clipped(x: torch.Tensor, *limits: torch.Tensor) -> torch.Tensor:
+        """max(min(x, *limits), 0)."""
+        for limit in limits:
+            x = x.minimum(limit)
         return x.clamp(min=0.0)
 
     @staticmethod
-    def times(x: Any, y: Any) -> Any:
-        """x y."""
-        return x * y
+    def scaled_difference(x: torch.Tensor, y: torch.Tensor, scale: torch.Tensor) -> torch.Tensor:
+        """(x - y) scale, as wide as x - y."""
+        return (x - y) * scale
 
     @staticmethod
-    def plus(x: Any, y: Any) -> Any:
-        """x + y."""
-        return x + y
+    def weighted_sum(
+        a: torch.Tensor, x: torch.Tensor, b: torch.Tensor, y: torch.Tensor, offset: torch.Tensor
+    ) -> torch.Tensor:
+        """(a x + offset) + b y, as wide as x."""
+        return a * x + offset + b * y
 
     @staticmethod
-    def less(x: Any, y: Any) -> Any:
-        """x - y."""
-        return x - y
+    def scaled_rows(
+        x: torch.Tensor, index: Ints, scale: torch.Tensor, offset: torch.Tensor
+    ) -> torch.Tensor:
+        """x[index] scale + offset, as wide as x."""
+        return x[index] * scale + offset
 
     @staticmethod
-    def wide(x: Any, batch: int) -> Any:
-        """x (..., 1) or (..., batch) as (..., batch)."""
+    def wide(x: torch.Tensor, batch: int) -> torch.Tensor:
+        """The tensor (..., 1) or (..., batch) as (..., batch)."""
         return x.expand(*x.shape[:-1], batch)
 
-    def segment(self, x: Any, island: Any) -> Any:
+    @staticmethod
+    def island_sums(x: torch.Tensor, island: torch.Tensor) -> torch.Tensor:
         """(..., buses, batch) sums over islands, in the row of the island's number."""
         if len(island) == 1:
             return x
-        return self._torch.zeros_like(x).scatter_add(-2, island.expand(x.shape), x)
+        return x.new_zeros(x.shape).scatter_add(-2, island.expand(x.shape), x)
 
     @staticmethod
-    def spread(x: Any, island: Any) -> Any:
+    def at_buses(x: torch.Tensor, island: torch.Tensor) -> torch.Tensor:
         """(..., buses, batch) the island's value at each of its buses."""
         return x if len(island) == 1 else x.gather(-2, island.expand(x.shape))
 
     @staticmethod
-    def rows(x: Any, at: Ints) -> Any:
+    def rows(x: torch.Tensor, index: Ints) -> torch.Tensor:
         """Some rows of x."""
-        return x[at]
+        return x[index]
 
     @staticmethod
-    def some(x: Any, least: float) -> bool:
-        """Always: to look would stop a device."""
+    def may_exceed(x: torch.Tensor, threshold: float) -> bool:
+        """Always true: to look would stop a device."""
         return True
 
     @staticmethod
-    def plain(x: Any) -> np.ndarray:
-        """x as a NumPy array."""
+    def as_numpy(x: torch.Tensor) -> np.ndarray:
+        """The tensor as a NumPy array, without its gradient."""
         return x.detach().cpu().numpy()
 
 
 @lru_cache(maxsize=64)
-def _kind(dtype: Any, device: Any) -> Any:
-    return NumPy(dtype) if device is None else Torch(dtype, device)
+def _ops(dtype: Any, device: Any) -> ArrayOps:
+    return NumPyOps(dtype) if device is None else TorchOps(dtype, device)
 
 
-def namespace(x: Array) -> Any:
-    """The operations for the kind of array that x is."""
-    return _kind(x.dtype, None if isinstance(x, np.ndarray) else x.device)
+def array_ops(x: Array) -> ArrayOps:
+    """The operations for arrays such as x."""
+    return _ops(x.dtype, None if isinstance(x, np.ndarray) else x.device)

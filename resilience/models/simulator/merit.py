@@ -11,12 +11,10 @@ sheds more than was missing gives the rest back to the cheapest of them. That is
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.simulator.arrays import Array
+from resilience.models.simulator.arrays import Array, ArrayOps
 from resilience.models.simulator.order import Order
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW, PRICE_DECIMALS
@@ -34,52 +32,55 @@ def ranked(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bo
         (columns,) every source's tier; (tiers,) $ per MW of supply; (tiers,) whether it is a block.
     """
     marginal = np.round(prices / plant.sign[:, 0], PRICE_DECIMALS)
-    alone = np.zeros(len(prices), np.intp)
-    alone[blocks] = 1 + np.arange(len(blocks))
-    keys, tier = np.unique(np.stack([marginal, alone]), axis=1, return_inverse=True)
+    block_number = np.zeros(
+        len(prices), np.intp
+    )  # 0: not a block; every block is a tier of its own
+    block_number[blocks] = 1 + np.arange(len(blocks))
+    keys, tier = np.unique(np.stack([marginal, block_number]), axis=1, return_inverse=True)
     return tier.ravel(), keys[0], keys[1] > 0
 
 
-def fill(ops: Any, order: Order, need: Array, there: Array) -> tuple[list[Array], Array]:
-    """Takes from the tiers in order until the need of every island is met.
+def fill(ops: ArrayOps, order: Order, need: Array, room: Array) -> tuple[list[Array], Array]:
+    """Draws from the tiers in order until the need of every island is met.
 
     Args:
         ops: operations for the kind of array.
         order: the tiers.
         need: (buses, batch) MW missing, in the row of the island's number.
-        there: (tiers, buses, batch) MW that each tier can give there.
+        room: (tiers, buses, batch) MW that each tier can give there.
 
     Returns:
-        What every tier gave, and the need that is left (negative: a surplus), (buses, batch).
+        (tiers) of (buses, batch), MW drawn from every tier; and the need that remains (negative: a
+        surplus), (buses, batch).
     """
-    taken = {}
+    drawn = {}
     if order.block.any():
-        for k, shed in _blocks(ops, order, need, there).items():
-            taken[k] = shed
+        for k, shed in _shed_blocks(ops, order, need, room).items():
+            drawn[k] = shed
             need = need - shed
-    need = need + 0.0  # fresh, to be changed in place
     for k in range(order.tiers):
-        if k not in taken:
-            taken[k] = ops.minimum(ops.positive(need), there[k])
-            need = ops.less(need, taken[k])
-    return [taken[k] for k in range(order.tiers)], need
+        if k not in drawn:
+            drawn[k] = ops.positive_up_to(need, room[k])
+            need = need - drawn[k]
+    return [drawn[k] for k in range(order.tiers)], need
 
 
-def _blocks(ops: Any, order: Order, need: Array, there: Array) -> dict[int, Array]:
-    """What every block sheds: all or nothing."""
-    left, before, shed = need, need, {}
-    short = {}
+def _shed_blocks(ops: ArrayOps, order: Order, need: Array, room: Array) -> dict[int, Array]:
+    """(buses, batch) MW that every block sheds, by its tier: all or nothing."""
+    unmet, loose_need, shed = need, need, {}
+    shortfall = {}  # what the sources cheaper than a block cannot give, blocks aside
     for k in range(order.tiers):
         if order.block[k]:
-            short[k] = before  # what the cheaper sources cannot give, blocks aside
-            shed[k] = ops.where(left > POWER_TOLERANCE_MW, there[k], there[k] * 0.0)
-            left = left - shed[k]
+            shortfall[k] = loose_need
+            shed[k] = ops.where(unmet > POWER_TOLERANCE_MW, room[k], room[k] * 0.0)
+            unmet = unmet - shed[k]
         else:
-            left = left - ops.minimum(ops.positive(left), there[k])
-            before = before - there[k]
+            unmet = unmet - ops.positive_up_to(unmet, room[k])
+            loose_need = loose_need - room[k]
     total = sum(shed.values())
+    # From the dearest on: a block is needless if the others alone cover its shortfall.
     for k in reversed(shed):
-        spare = total - shed[k] >= short[k] - POWER_TOLERANCE_MW
-        kept = ops.where(spare, shed[k] * 0.0, shed[k])
-        total, shed[k] = total - shed[k] + kept, kept
+        needless = total - shed[k] >= shortfall[k] - POWER_TOLERANCE_MW
+        trimmed = ops.where(needless, shed[k] * 0.0, shed[k])
+        total, shed[k] = total - shed[k] + trimmed, trimmed
     return shed

@@ -11,11 +11,11 @@ from resilience.errors import UsageError
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import PRICE_TOLERANCE
 
-MOST = 4  # connections for which both sides are tried, 2^4 ways
+MAX_CONNECTIONS = 4  # for which both sides are tried, 2^4 ways
 
 
 def modes(plant: Plant, prices: Floats) -> list[Bools]:
-    """(columns,) sources to close, per way; one way that closes nothing where nobody can earn so.
+    """The ways to close sources, (columns,) True where one is closed; usually one that closes none.
 
     The cheapest dispatch does both at once only where both prices together earn, as negative
     prices may, so only there a way is to be chosen.
@@ -29,15 +29,15 @@ def modes(plant: Plant, prices: Floats) -> list[Bools]:
     """
     ways = [np.flatnonzero(plant.kinds == f"grid.{way}") for way in ("import", "export")]
     both = np.stack(ways)[:, prices[ways[0]] + prices[ways[1]] < -PRICE_TOLERANCE]
-    if both.shape[1] > MOST:
+    if both.shape[1] > MAX_CONNECTIONS:
         raise UsageError(
             f"{both.shape[1]} grid connections earn by importing and exporting at once; "
-            f"allowed: {MOST}",
+            f"allowed: {MAX_CONNECTIONS}",
             hint="an import price below what exports earn is a mistake in most cases",
         )
-    found = []
+    closings = []
     for sides in product((0, 1), repeat=both.shape[1]):
         closed = np.zeros(len(prices), bool)
         closed[both[list(sides), np.arange(both.shape[1])]] = True
-        found.append(closed)
-    return found
+        closings.append(closed)
+    return closings

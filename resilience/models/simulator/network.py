@@ -22,14 +22,14 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.models.simulator.arrays import NumPy, namespace
+from resilience.models.simulator.arrays import NumPyOps, array_ops
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.plant import STATE, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
 
-FOLLOW = 1e3  # times the largest price: what a MW of the order is worth
-TAKE = 30.0  # times that: what a MW that must be taken is worth
+ORDER_WORTH = 1e3  # of a MW of the storage order, in units of the largest price
+INTAKE_WORTH = 30.0  # of a MW that must be taken, in units of the former
 
 
 class NetworkSimulator(Plant):
@@ -68,40 +68,41 @@ class NetworkSimulator(Plant):
             UsageError: torch arrays, or prices that differ within the batch.
             SolverError: a member has no dispatch at all.
         """
-        ops = namespace(energy)
-        if not isinstance(ops, NumPy):
+        ops = array_ops(energy)
+        if not isinstance(ops, NumPyOps):
             raise UsageError(
                 "the network simulator steps NumPy arrays", hint="gradients need Simulator"
             )
-        prices, held = self.prices(data)
+        prices, storage_prices = self.prices(data)
         charge, discharge = self.masked(ops, energy, action, data)
-        batch = _Batch.of(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
+        batch = _Batch.build(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
         z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T
         z = z[self.table]
         charge, discharge = (
-            np.clip(z[columns], 0.0, most)
-            for columns, most in zip(self.stored, (charge, discharge), strict=True)
+            np.clip(z[columns], 0.0, limit)
+            for columns, limit in zip(self.stored, (charge, discharge), strict=True)
         )
         flows = z[self.sources]
-        spilled = np.maximum(batch.least - flows[batch.must], 0.0)
+        spilled = np.maximum(batch.intake - flows[batch.must], 0.0)
         flows[batch.must] += spilled  # it came, and is spilled: as the other simulator counts it
-        cost = prices @ flows + held[0] @ charge + held[1] @ discharge
+        cost = prices @ flows + storage_prices[0] @ charge + storage_prices[1] @ discharge
         cost = cost + self.form.offset + self.form.offset_data @ ops.wide(data, len(cost))
         spill = np.zeros((self.n_buses, energy.shape[1]))
-        where = island[self.bus[batch.must]], np.arange(energy.shape[1])[None, :]
-        np.add.at(spill, where, spilled)
+        cells = island[self.bus[batch.must]], np.arange(energy.shape[1])[None, :]
+        np.add.at(spill, cells, spilled)
         after = self.after(energy, charge, discharge)
         return Step(after, cost, charge, discharge, spill, lambda: flows)
 
     def _best(self, batch: _Batch, k: int, closed: list[Ints]) -> Floats:
-        best, least = None, np.inf
+        """(columns,) the cheapest point of member k over the ways to close connections."""
+        best, objective = None, np.inf
         for shut in closed:
             vectors = batch.vectors(k)
             self.solver.update(vectors.fixed(shut, np.zeros(len(shut))) if len(shut) else vectors)
-            found = self.solver.solve()
-            if found.z is not None and found.objective < least:
-                best, least = found.z, found.objective
+            solution = self.solver.solve()
+            if solution.z is not None and solution.objective < objective:
+                best, objective = solution.z, solution.objective
         if best is None:
             raise SolverError(
                 f"member {k} has no dispatch within the network's limits, whatever is shed",
@@ -112,7 +113,14 @@ class NetworkSimulator(Plant):
 
 @dataclass
 class _Batch:
-    """Vectors of all members, rows first; `must` are sources whose power has to be taken."""
+    """Vectors of all members of a batch.
+
+    Attributes:
+        cost, lower, upper: (members, columns) of the program.
+        row_lower, row_upper: (members, rows).
+        must: (n,) sources whose power has to be taken.
+        intake: (n, members) MW that has to be taken of them.
+    """
 
     cost: Floats
     lower: Floats
@@ -120,38 +128,40 @@ class _Batch:
     row_lower: Floats
     row_upper: Floats
     must: Ints
-    least: Floats
+    intake: Floats
 
     @classmethod
-    def of(
-        cls, plant: NetworkSimulator, energy: Floats, asked: tuple[Floats, Floats], data: Floats
+    def build(
+        cls, plant: NetworkSimulator, energy: Floats, request: tuple[Floats, Floats], data: Floats
     ) -> _Batch:
+        """The vectors of a slot; `request` is charging and discharging power (units, members)."""
         form, standard, table = plant.form, plant.standard, plant.table
         changed = form.fixed[:, None] + form.moving @ data
         a, b, c = form.parts
         n, members = standard.n_columns, energy.shape[1]
         lower, upper, cost = np.zeros((members, n)), np.zeros((members, n)), np.zeros(n)
-        own = table[form.n_now :]
-        lower[:, own], upper[:, own] = changed[:a].T, changed[a:b].T
+        present = table[form.n_now :]
+        lower[:, present], upper[:, present] = changed[:a].T, changed[a:b].T
         rhs = changed[b:c].T.copy()
         np.add.at(cost, table, changed[c:, 0])
         if len(plant.units):
-            at = standard.initial[STATE]
-            lower[:, at] = upper[:, at] = energy.T
-        follow = FOLLOW * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
-        for columns, power in zip(plant.stored, asked, strict=True):
+            stored = standard.initial[STATE]
+            lower[:, stored] = upper[:, stored] = energy.T
+        order_worth = ORDER_WORTH * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
+        for columns, power in zip(plant.stored, request, strict=True):
             upper[:, table[columns]] = power.T
-            cost[table[columns]] -= follow
+            cost[table[columns]] -= order_worth
         must = np.flatnonzero((plant.kinds == "pv.p") & (plant.sign[:, 0] > 0))
         columns = table[plant.sources[must]]
-        least = lower[:, columns].T.copy()
-        must, least = must[least.any(1)], least[least.any(1)]
+        intake = lower[:, columns].T.copy()
+        must, intake = must[intake.any(1)], intake[intake.any(1)]
         columns = table[plant.sources[must]]
         lower[:, columns] = 0.0
         cost = np.broadcast_to(cost, (members, n)).copy()
         # Only what has to be taken is worth so much: where a member has none, nothing changes.
-        cost[:, columns] -= TAKE * follow * (least.T > 0.0)
-        return cls(cost, lower, upper, np.where(standard.equality, rhs, -np.inf), rhs, must, least)
+        cost[:, columns] -= INTAKE_WORTH * order_worth * (intake.T > 0.0)
+        row_lower = np.where(standard.equality, rhs, -np.inf)
+        return cls(cost, lower, upper, row_lower, rhs, must, intake)
 
     def vectors(self, k: int) -> Vectors:
         """Those of one member."""

@@ -1,20 +1,20 @@
 """Sources in tiers, compiled: what a step evaluates in one sparse product of the data.
 
 Everything that a tier needs is linear in the data: the need of every bus when all sources stand at
-their least (a source that takes, as an export, at its most), and the room of every tier at every
-bus. It depends on the order of prices alone; prices themselves enter what an order costs.
+their lowest (a source that takes, as an export, at its largest), and the room of every tier at
+every bus. It depends on the order of prices alone; prices themselves enter what an order costs.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.simulator.arrays import Array, Constant, Map
+from resilience.models.simulator.arrays import Array, ArrayOps
+from resilience.models.simulator.constants import Constant, Map
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW
 
@@ -29,8 +29,8 @@ class Order:
         n_buses: number of buses.
         bus: (columns,) where the sources stand.
         map: from data to the need of every bus and the room of every tier at every bus, MW.
-        least: (columns,) from data: where every source stands when nothing is taken, MW.
-        move: (columns,) from data: how far it goes when all of it is taken, MW.
+        lowest: from data to (columns,), where every source stands when nothing is drawn, MW.
+        move: from data to (columns,), how far it goes when all of it is drawn, MW.
     """
 
     tier: Ints
@@ -38,7 +38,7 @@ class Order:
     n_buses: int
     bus: Ints
     map: Map
-    least: Map
+    lowest: Map
     move: Map
 
     @property
@@ -46,20 +46,29 @@ class Order:
         """Number of tiers."""
         return len(self.block)
 
-    def parts(self, found: Array) -> tuple[Array, Array]:
-        """Need (buses, batch) and room (tiers, buses, batch) from what `map` gave."""
+    def need_and_room(self, values: Array) -> tuple[Array, Array]:
+        """Need (buses, batch) and room (tiers, buses, batch) from the values of `map`, MW."""
         n = self.n_buses
-        return found[:n], found[n:].reshape(self.tiers, n, found.shape[-1])
+        return values[:n], values[n:].reshape(self.tiers, n, values.shape[-1])
 
     def flows(
-        self, ops: Any, taken: list[Array], there: Array, data: Array, island: Array
+        self, ops: ArrayOps, drawn: list[Array], room: Array, data: Array, island: Array
     ) -> Array:
-        """(columns, batch) every source, from what its tier gave in its island."""
-        smallest = ops.array(np.array(POWER_TOLERANCE_MW))
-        share = ops.joined([used[None] for used in taken]) / ops.maximum(there, smallest)
-        share = ops.spread(share, island).reshape(-1, share.shape[-1])
-        used = ops.rows(share, self.tier * self.n_buses + self.bus)
-        return ops.plus(ops.times(used, self.move(ops, data)), self.least(ops, data))
+        """(columns, batch) MW of every source, from what its tier gave in its island.
+
+        Args:
+            ops: operations for the kind of array.
+            drawn: (tiers) of (buses, batch), MW drawn from every tier.
+            room: (tiers, buses, batch) MW that each tier could give.
+            data: (n_data, batch) or (n_data, 1).
+            island: (buses, batch) number of the island of every bus.
+        """
+        share = ops.joined([mw[None] for mw in drawn]) / ops.maximum(
+            room, ops.array(np.array(POWER_TOLERANCE_MW))
+        )
+        share = ops.at_buses(share, island).reshape(-1, share.shape[-1])
+        row = self.tier * self.n_buses + self.bus
+        return ops.scaled_rows(share, row, self.move(ops, data), self.lowest(ops, data))
 
 
 @dataclass(frozen=True)
@@ -68,13 +77,13 @@ class Priced:
 
     Attributes:
         order: the tiers.
-        least: from data to the cost of all sources at their least, $.
-        value: (tiers,) $ per MW taken from a tier.
+        lowest_cost: from data to (1,), the cost of all sources at their lowest, $.
+        value: (tiers,) $ per MW drawn from a tier.
         prices: (columns,) $ per MW of every source.
     """
 
     order: Order
-    least: Map
+    lowest_cost: Map
     value: tuple[float, ...]
     prices: Constant
 
@@ -92,20 +101,21 @@ def compiled(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
     lower, upper = _scaled(plant.lower, open_), _scaled(plant.upper, open_)
     feeds = plant.sign[:, 0] > 0
     pick = sp.diags_array(feeds * 1.0), sp.diags_array(~feeds * 1.0)
-    least = _sum(_scaled(lower, pick[0]), _scaled(upper, pick[1]))
+    lowest = _sum(_scaled(lower, pick[0]), _scaled(upper, pick[1]))
     room = _sum(upper, lower, -1.0)
-    n, each = plant.n_buses, np.arange(len(tier))
-    place = sp.csr_array((plant.sign[:, 0], (plant.bus, each)), shape=(n, len(each)))
-    where = (np.ones(len(each)), (tier * n + plant.bus, each))
-    stacked = sp.csr_array(where, shape=(len(block) * n, len(each)))
-    need = _sum(plant.demand, _scaled(least, place), -1.0)
+    n, columns = plant.n_buses, np.arange(len(tier))
+    signed = (plant.sign[:, 0], (plant.bus, columns))
+    fed_at_bus = sp.csr_array(signed, shape=(n, len(columns)))
+    entries = (np.ones(len(columns)), (tier * n + plant.bus, columns))
+    to_tiers = sp.csr_array(entries, shape=(len(block) * n, len(columns)))
+    need = _sum(plant.demand, _scaled(lowest, fed_at_bus), -1.0)
     return Order(
         tier=tier,
         block=block,
         n_buses=n,
         bus=plant.bus,
-        map=_stacked(need, _scaled(room, stacked)),
-        least=least,
+        map=_stacked(need, _scaled(room, to_tiers)),
+        lowest=lowest,
         move=_scaled(room, sp.diags_array(plant.sign[:, 0])),
     )
 
@@ -113,13 +123,13 @@ def compiled(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
 def priced(plant: Plant, order: Order, prices: Floats, value: Floats) -> Priced:
     """What an order costs at prices (columns,) in $ per MW, `value` (tiers,) of supply."""
     form = plant.form
-    moving = prices @ order.least.coefficients + form.offset_data
-    constant = np.array([prices @ order.least.constant + form.offset])
-    least = Map(constant, sp.csr_array(moving[None, :]))
-    return Priced(order, least, tuple(value.tolist()), Constant(prices))
+    moving = prices @ order.lowest.coefficients + form.offset_data
+    constant = np.array([prices @ order.lowest.constant + form.offset])
+    lowest_cost = Map(constant, sp.csr_array(moving[None, :]))
+    return Priced(order, lowest_cost, tuple(value.tolist()), Constant(prices))
 
 
-def _scaled(x: Map, matrix: Any) -> Map:
+def _scaled(x: Map, matrix: sp.sparray) -> Map:
     return Map(matrix @ x.constant, sp.csr_array(matrix @ x.coefficients))
 
 
@@ -127,7 +137,7 @@ def _sum(x: Map, y: Map, sign: float = 1.0) -> Map:
     return Map(x.constant + sign * y.constant, x.coefficients + sign * y.coefficients)
 
 
-def _stacked(*parts: Map) -> Map:
-    matrix = sp.vstack([p.coefficients for p in parts], format="csr")
+def _stacked(*maps: Map) -> Map:
+    matrix = sp.vstack([m.coefficients for m in maps], format="csr")
     matrix.eliminate_zeros()
-    return Map(np.concatenate([p.constant for p in parts]), matrix)
+    return Map(np.concatenate([m.constant for m in maps]), matrix)

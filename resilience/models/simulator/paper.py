@@ -15,28 +15,26 @@ whatever is left, surplus PV too, and only beyond its limits generators and shed
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from resilience.arrays import Bools, Ints
 from resilience.errors import UsageError
-from resilience.models.simulator.arrays import Array
+from resilience.models.simulator.arrays import Array, ArrayOps
 from resilience.models.simulator.plant import Plant
 
 TIERS = ("pv.p", "grid.export", "grid.import", "generator.p", "load.shed")
 
 
-def check(plant: Plant) -> None:
+def check_paper(plant: Plant) -> None:
     """Refuses what the two equations say nothing of.
 
     Raises:
         UsageError: another kind of source than the paper's, or a block.
     """
-    other = sorted(set(plant.kinds) - set(TIERS))
-    if other:
+    unknown = sorted(set(plant.kinds) - set(TIERS))
+    if unknown:
         raise UsageError(
-            f"the paper's recourse does not know {', '.join(other)}; allowed: {', '.join(TIERS)}",
+            f"the paper's recourse does not know {', '.join(unknown)}; allowed: {', '.join(TIERS)}",
             hint="use recourse='economic'",
         )
     blocks = [load.name for load in plant.microgrid.case.load if load.block]
@@ -54,26 +52,31 @@ def paper_tiers(plant: Plant) -> tuple[Ints, Bools]:
     return tier, np.zeros(len(TIERS), bool)
 
 
-def paper_fill(ops: Any, need: Array, there: Array, load: Array) -> tuple[list[Array], Array]:
-    """See the module's docstring.
+def paper_fill(ops: ArrayOps, need: Array, room: Array, load: Array) -> tuple[list[Array], Array]:
+    """Draws from the tiers by the two equations; see the module's docstring.
 
     Args:
         ops: operations for the kind of array.
         need: (buses, batch) MW missing, in the row of the island's number.
-        there: (tiers, buses, batch) MW that each tier can give there.
+        room: (tiers, buses, batch) MW that each tier can give there.
         load: (buses, batch) demand of the islands, MW.
 
     Returns:
-        What every tier gave, and the need that is left (negative: a surplus), (buses, batch).
+        (tiers) of (buses, batch), MW drawn from every tier; and the need that remains (negative: a
+        surplus), (buses, batch).
     """
-    connected = there[1] + there[2] > 0
-    nothing = load * 0.0
-    first = ops.where(connected, nothing, ops.minimum(there[3], load))
-    need = need - first
-    taken = []
+    export, grid_import, generator = (
+        TIERS.index(kind) for kind in ("grid.export", "grid.import", "generator.p")
+    )
+    connected = room[export] + room[grid_import] > 0
+    zero = load * 0.0
+    # Generators first, whatever PV and storage do; with a grid they come in their turn.
+    up_front = ops.where(connected, zero, ops.minimum(room[generator], load))
+    need = need - up_front
+    drawn = []
     for k in range(len(TIERS)):
-        allowed = ops.where(connected, there[3], nothing) if k == 3 else there[k]
-        used = ops.minimum(ops.positive(need), allowed)
-        need = need - used
-        taken.append(used + first if k == 3 else used)
-    return taken, need
+        allowed = ops.where(connected, room[k], zero) if k == generator else room[k]
+        mw = ops.positive_up_to(need, allowed)
+        need = need - mw
+        drawn.append(mw + up_front if k == generator else mw)
+    return drawn, need

@@ -27,19 +27,19 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
         UsageError: it does; everything that is too much is named.
     """
     stage, form = plant.form.stage, plant.form
-    known = BLOCKS if blocks else ()
-    whole = [b.name for b in form.own if b.n and form.integer[form.span(b)[0]]]
-    found = [f"decide {name!r}" for name in whole if name not in known]
-    memory = [after.name for _, after in stage.states if after.name not in (*STATES, *whole)]
-    found += [f"remember {name!r}" for name in memory]
+    allowed = BLOCKS if blocks else ()
+    integer = [b.name for b in form.own if b.n and form.integer[form.span(b)[0]]]
+    demands = [f"decide {name!r}" for name in integer if name not in allowed]
+    memory = [after.name for _, after in stage.states if after.name not in (*STATES, *integer)]
+    demands += [f"remember {name!r}" for name in memory]
     curves = [s.name for s in stage.structures if s.kind == "adjacent"]
-    found += [f"hold the cost curve {name!r}" for name in curves]
+    demands += [f"hold the cost curve {name!r}" for name in curves]
     if ratings and np.isfinite(plant.microgrid.network.rating_mva).any():
-        found.append("hold line ratings")
-    if found:
+        demands.append("hold line ratings")
+    if demands:
         without = ["commitment", "ramps", "cost curves", "switchable lines"]
         without += ([] if blocks else ["blocks"]) + (["line ratings"] if ratings else [])
         raise UsageError(
-            f"the simulator does not {', '.join(found)}",
+            f"the simulator does not {', '.join(demands)}",
             hint=f"it steps cases without {', '.join(without[:-1])} and {without[-1]}",
         )

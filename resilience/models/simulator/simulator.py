@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -24,18 +24,18 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.microgrid import Microgrid
-from resilience.models.simulator.arrays import Array, namespace
+from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 from resilience.models.simulator.merit import fill, ranked
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.order import Order, Priced, compiled, priced
-from resilience.models.simulator.paper import check, paper_fill, paper_tiers
+from resilience.models.simulator.paper import check_paper, paper_fill, paper_tiers
 from resilience.models.simulator.plant import Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.tolerances import POWER_TOLERANCE_MW
 
 RecourseRule = Literal["economic", "paper"]
 RECOURSE: tuple[RecourseRule, ...] = get_args(RecourseRule)
-KNOWN = 1024  # compiled price orders kept
+MAX_ORDERS = 1024  # compiled orders that are kept
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Step:
     Attributes:
         energy: (units, batch) stored energy at the end, MWh.
         cost: (batch,) $ of the step.
-        charge, discharge: (units, batch) after masking and cutting back.
+        charge, discharge: (units, batch) MW after masking and cutting back.
         spill: (buses, batch) power that had to be taken and could not be used, in the row of the
             island's number.
     """
@@ -59,7 +59,7 @@ class Step:
 
     @cached_property
     def flows(self) -> Array:
-        """(columns, batch) every source; their names are `Simulator.columns`.
+        """(columns, batch) MW of every source; their names are `Simulator.columns`.
 
         Worked out when first asked for, from the data of the step: read it before changing them.
         """
@@ -67,16 +67,18 @@ class Step:
 
 
 class _Closed(NamedTuple):
+    """What closing every island by one order leads to; see `Step`."""
+
     cost: Array
     charge: Array
     discharge: Array
     spill: Array
     flows: Callable[[], Array]
 
-    def off(self, asked: tuple[Array, Array]) -> Array:
-        """(batch,) MW by which it differs from what was asked."""
-        done = self.charge - self.discharge
-        return self.spill.sum(0) + abs(done - (asked[0] - asked[1])).sum(0)
+    def deviation(self, request: tuple[Array, Array]) -> Array:
+        """(batch,) MW by which it differs from the charging and discharging requested."""
+        net = self.charge - self.discharge
+        return self.spill.sum(0) + abs(net - (request[0] - request[1])).sum(0)
 
 
 class Simulator(Plant):
@@ -110,12 +112,12 @@ class Simulator(Plant):
         refuse(self, blocks=True, ratings=True)
         self.recourse = recourse
         if recourse == "paper":
-            check(self)
+            check_paper(self)
         blocks = {load.name for load in microgrid.case.load if load.block}
-        whole = [name in {f"load.shed[{b}]" for b in blocks} for name in self.columns]
-        self._blocks: Ints = np.flatnonzero(whole)
+        is_block = [name in {f"load.shed[{b}]" for b in blocks} for name in self.columns]
+        self._blocks: Ints = np.flatnonzero(is_block)
         self._orders: dict[bytes, Order] = {}
-        self._known: dict[bytes, list[Priced]] = {}
+        self._priced_orders: dict[bytes, list[Priced]] = {}
 
     @property
     def heuristic(self) -> Labels:
@@ -127,77 +129,80 @@ class Simulator(Plant):
 
         Args:
             energy: (units, batch) stored energy, MWh.
-            action: (units, batch) charging power asked for, MW; negative is discharging.
+            action: (units, batch) charging power requested, MW; negative is discharging.
             data: (n_data, batch) or (n_data, 1) from `stacked`, of the kind of `energy`.
             island: (buses, batch) number of the island of every bus.
 
         Raises:
             UsageError: prices differ within the batch.
         """
-        ops = namespace(energy)
-        prices, held = self.prices(data)
-        asked = self.masked(ops, energy, action, data)
-        best, *others = [self._closed(each, asked, data, island) for each in self._in_order(prices)]
-        if others:
-            best = _nearest(ops, asked, best, others)
-        cost, charge, discharge, spill, flows = best
-        for price, power in zip(held, (charge, discharge), strict=True):
+        ops = array_ops(energy)
+        prices, storage_prices = self.prices(data)
+        request = self.masked(ops, energy, action, data)
+        orders = self._in_order(prices)
+        closed, *alternatives = [self._closed(order, request, data, island) for order in orders]
+        if alternatives:
+            closed = _nearest(ops, request, closed, alternatives)
+        cost, charge, discharge, spill, flows = closed
+        for price, power in zip(storage_prices, (charge, discharge), strict=True):
             if price.any():
                 cost = cost + ops.array(price) @ power
         return Step(self.after(energy, charge, discharge), cost, charge, discharge, spill, flows)
 
     def _closed(
-        self, each: Priced, asked: tuple[Array, Array], data: Array, island: Array
+        self, priced: Priced, request: tuple[Array, Array], data: Array, island: Array
     ) -> _Closed:
-        """Every island closed by one order, storage doing as asked or less."""
-        charge, discharge = asked
-        ops, batch, order = namespace(charge), charge.shape[-1], each.order
-        need, there = order.parts(ops.wide(order.map(ops, data), batch))
-        need = ops.segment(self._with_storage(ops, need, charge - discharge), island)
-        there = ops.segment(there, island)
-        taken, need = self._recourse(ops, order, need, there, data, island)
-        if ops.some(need, POWER_TOLERANCE_MW):
-            charge, left = self._cut_back(ops, charge, need, island, 1.0)
-            discharge, need = self._cut_back(ops, discharge, left, island, -1.0)
-        flows = partial(order.flows, ops, taken, there, data, island)
-        cost = each.least(ops, data)[0]
+        """Every island closed by one order, storage doing what is requested or less."""
+        charge, discharge = request
+        ops, batch, order = array_ops(charge), charge.shape[-1], priced.order
+        need, room = order.need_and_room(ops.wide(order.map(ops, data), batch))
+        need = ops.island_sums(self._with_storage(ops, need, charge - discharge), island)
+        room = ops.island_sums(room, island)
+        drawn, need = self._recourse(ops, order, need, room, data, island)
+        if ops.may_exceed(need, POWER_TOLERANCE_MW):
+            charge, need = self._cut_back(ops, charge, need, island, 1.0)
+            discharge, need = self._cut_back(ops, discharge, need, island, -1.0)
+        flows = partial(order.flows, ops, drawn, room, data, island)
+        cost = priced.lowest_cost(ops, data)[0]
         if self.recourse == "paper":
-            cost = cost + each.prices.of(ops) @ (flows() - order.least(ops, data))
+            cost = cost + priced.prices.as_array(ops) @ (flows() - order.lowest(ops, data))
         else:
-            spent = [value * used for value, used in zip(each.value, taken, strict=True) if value]
+            spent = [value * mw for value, mw in zip(priced.value, drawn, strict=True) if value]
             cost = cost + (sum(spent[1:], spent[0]) if spent else need * 0.0).sum(0)
         return _Closed(cost, charge, discharge, ops.positive(-need), flows)
 
     def _recourse(
-        self, ops: Any, order: Order, need: Array, there: Array, data: Array, island: Array
+        self, ops: ArrayOps, order: Order, need: Array, room: Array, data: Array, island: Array
     ) -> tuple[list[Array], Array]:
         if self.recourse == "economic":
-            return fill(ops, order, need, there)
-        load = ops.segment(ops.wide(self.demand(ops, data), need.shape[-1]), island)
-        return paper_fill(ops, need, there, load)
+            return fill(ops, order, need, room)
+        load = ops.island_sums(ops.wide(self.demand(ops, data), need.shape[-1]), island)
+        return paper_fill(ops, need, room, load)
 
-    def _with_storage(self, ops: Any, need: Array, wanted: Array) -> Array:
+    def _with_storage(self, ops: ArrayOps, need: Array, power: Array) -> Array:
+        """(buses, batch) the need with the power (units, batch) of storage added at its buses."""
         if self.n_buses == 1:
-            return need + wanted.sum(0)
-        return need + self._at_bus.of(ops) @ wanted
+            return need + power.sum(0)
+        return need + self._at_bus.as_matrix(ops) @ power
 
     def _cut_back(
-        self, ops: Any, power: Array, need: Array, island: Array, sign: float
+        self, ops: ArrayOps, power: Array, need: Array, island: Array, sign: float
     ) -> tuple[Array, Array]:
         """Charging cut back by a deficit (sign 1), discharging by a surplus (sign -1), pro rata."""
-        there = ops.segment(self._with_storage(ops, need * 0.0, power), island)
-        cut = ops.minimum(ops.positive(sign * need), there)
-        smallest = ops.array(np.array(POWER_TOLERANCE_MW))
-        share = ops.spread(cut / ops.maximum(there, smallest), island)
+        total = ops.island_sums(self._with_storage(ops, need * 0.0, power), island)
+        cut = ops.positive_up_to(sign * need, total)
+        share = ops.at_buses(
+            cut / ops.maximum(total, ops.array(np.array(POWER_TOLERANCE_MW))), island
+        )
         return power * (1.0 - ops.rows(share, self.storage_bus)), need - sign * cut
 
     def _in_order(self, prices: Floats) -> list[Priced]:
         """The order of these prices, or one per mode where a connection could earn in both."""
         key = prices.tobytes()
-        found = self._known.get(key)
-        if found is None:
-            if len(self._known) >= KNOWN:
-                self._known.clear()
+        in_order = self._priced_orders.get(key)
+        if in_order is None:
+            if len(self._priced_orders) >= MAX_ORDERS:
+                self._priced_orders.clear()
             if self.recourse == "paper":
                 tier, block = paper_tiers(self)
                 value, ways = np.zeros(len(block)), [np.zeros(len(tier), bool)]
@@ -205,37 +210,40 @@ class Simulator(Plant):
                 tier, value, block = ranked(self, prices, self._blocks)
                 ways = modes(self, prices)
             orders = [self._order(tier, block, closed) for closed in ways]
-            found = self._known[key] = [priced(self, order, prices, value) for order in orders]
-        return found
+            in_order = [priced(self, order, prices, value) for order in orders]
+            self._priced_orders[key] = in_order
+        return in_order
 
     def _order(self, tier: Ints, block: np.ndarray, closed: np.ndarray) -> Order:
         key = tier.tobytes() + closed.tobytes()
-        found = self._orders.get(key)
-        if found is None:
-            if len(self._orders) >= KNOWN:
+        order = self._orders.get(key)
+        if order is None:
+            if len(self._orders) >= MAX_ORDERS:
                 self._orders.clear()
-            found = self._orders[key] = compiled(self, tier, block, closed)
-        return found
+            order = self._orders[key] = compiled(self, tier, block, closed)
+        return order
 
 
-def _nearest(ops: Any, asked: tuple[Array, Array], best: _Closed, others: list[_Closed]) -> _Closed:
-    """Per member the one that follows what was asked most, and of these the cheapest."""
-    off = best.off(asked)
-    for other in others:
-        other_off = other.off(asked)
-        nearer = other_off < off - POWER_TOLERANCE_MW
-        as_near = other_off <= off + POWER_TOLERANCE_MW
-        better = nearer | (as_near & (other.cost < best.cost))
+def _nearest(
+    ops: ArrayOps, request: tuple[Array, Array], first: _Closed, alternatives: list[_Closed]
+) -> _Closed:
+    """Per member the one that is nearest to the request, and of equally near ones the cheapest."""
+    best, deviation = first, first.deviation(request)
+    for candidate in alternatives:
+        its_deviation = candidate.deviation(request)
+        nearer = its_deviation < deviation - POWER_TOLERANCE_MW
+        as_near = its_deviation <= deviation + POWER_TOLERANCE_MW
+        better = nearer | (as_near & (candidate.cost < best.cost))
         best = _Closed(
-            cost=ops.where(better, other.cost, best.cost),
-            charge=ops.where(better, other.charge, best.charge),
-            discharge=ops.where(better, other.discharge, best.discharge),
-            spill=ops.where(better, other.spill, best.spill),
-            flows=partial(_either, ops, better, other.flows, best.flows),
+            cost=ops.where(better, candidate.cost, best.cost),
+            charge=ops.where(better, candidate.charge, best.charge),
+            discharge=ops.where(better, candidate.discharge, best.discharge),
+            spill=ops.where(better, candidate.spill, best.spill),
+            flows=partial(_either, ops, better, candidate.flows, best.flows),
         )
-        off = ops.where(better, other_off, off)
+        deviation = ops.where(better, its_deviation, deviation)
     return best
 
 
-def _either(ops: Any, first: Array, a: Callable[[], Array], b: Callable[[], Array]) -> Array:
-    return ops.where(first, a(), b())
+def _either(ops: ArrayOps, first: Array, x: Callable[[], Array], y: Callable[[], Array]) -> Array:
+    return ops.where(first, x(), y())

@@ -1,0 +1,97 @@
+"""Every array operation gives the same on NumPy and on torch, and changes no argument on either."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from resilience.models.simulator import arrays
+from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
+
+torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
+
+RNG = np.random.default_rng(0)
+X, Y, Z, W = (RNG.normal(size=(4, 6)) for _ in range(4))
+COLUMN = RNG.normal(size=(4, 1))
+LAYERS = RNG.normal(size=(3, 4, 6))
+ISLAND = RNG.integers(0, 4, (4, 6))
+ONE_ISLAND = np.zeros((1, 6), int)
+MATRIX = sp.csr_array(np.round(RNG.normal(size=(5, 4))))
+
+Operation = Callable[..., Array]
+OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
+    "array": (lambda ops, x: ops.array(COLUMN) + x, (X,)),
+    "matrix": (lambda ops, x: ops.matrix(MATRIX) @ x, (X,)),
+    "minimum": (lambda ops, x, y: ops.minimum(x, y), (X, Y)),
+    "maximum": (lambda ops, x, y: ops.maximum(x, y), (X, Y)),
+    "where": (lambda ops, x, y: ops.where(x > y, x, y), (X, Y)),
+    "joined": (lambda ops, x, y: ops.joined([x, y]), (X, Y)),
+    "positive": (lambda ops, x: ops.positive(x), (X,)),
+    "positive_up_to": (lambda ops, x, y: ops.positive_up_to(x, y), (X, COLUMN)),
+    "clipped": (lambda ops, x, y, z: ops.clipped(x, y, z), (X, Y, COLUMN)),
+    "scaled_difference": (lambda ops, x, y, z: ops.scaled_difference(x, y, z), (X, COLUMN, Y)),
+    "weighted_sum": (lambda ops, *args: ops.weighted_sum(*args), (COLUMN, X, Y, Z, W)),
+    "scaled_rows": (
+        lambda ops, x, y, z: ops.scaled_rows(x, np.array([2, 0, 2, 1]), y, z),
+        (X, COLUMN, Z),
+    ),
+    "wide": (lambda ops, x: ops.wide(x, 6), (COLUMN,)),
+    "island_sums": (lambda ops, x, island: ops.island_sums(x, island), (LAYERS, ISLAND)),
+    "at_buses": (lambda ops, x, island: ops.at_buses(x, island), (LAYERS, ISLAND)),
+    "rows": (lambda ops, x: ops.rows(x, np.array([2, 0, 2])), (X,)),
+    "may_exceed": (lambda ops, x: x + float(ops.may_exceed(x, 0.1)), (X,)),
+    "as_numpy": (lambda ops, x: x + ops.array(ops.as_numpy(x)), (X,)),
+}
+OPERATIONS["wide, as it is"] = (lambda ops, x: ops.wide(x, 6), (X,))
+OPERATIONS["clipped by one"] = (lambda ops, x, y: ops.clipped(x, y), (COLUMN, X))
+OPERATIONS["one bus, summed"] = (OPERATIONS["island_sums"][0], (X[:1], ONE_ISLAND))
+OPERATIONS["one bus, spread"] = (OPERATIONS["at_buses"][0], (X[:1], ONE_ISLAND))
+
+
+def on(library: str, values: tuple[np.ndarray, ...]) -> list[Any]:
+    copies = [value.copy() for value in values]
+    return copies if library == "numpy" else [torch.as_tensor(copy) for copy in copies]
+
+
+def test_every_operation_is_tried() -> None:
+    assert {name for name in vars(ArrayOps) if not name.startswith("_")} <= set(OPERATIONS)
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_both_libraries_give_the_same_and_change_no_argument(name: str) -> None:
+    operation, values = OPERATIONS[name]
+    results = {}
+    for library in ("numpy", "torch"):
+        arguments = on(library, values)
+        ops = array_ops(arguments[0])
+        results[library] = ops.as_numpy(operation(ops, *arguments)).copy()
+        for argument, value in zip(arguments, values, strict=True):
+            np.testing.assert_array_equal(np.asarray(argument), value)
+    assert results["numpy"].shape == results["torch"].shape
+    np.testing.assert_allclose(results["numpy"], results["torch"], rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", [name for name in OPERATIONS if name != "as_numpy"])
+def test_gradients_pass_through(name: str) -> None:
+    operation, values = OPERATIONS[name]
+    arguments = [x.requires_grad_() if x.is_floating_point() else x for x in on("torch", values)]
+    operation(array_ops(arguments[0]), *arguments).sum().backward()
+    assert arguments[0].grad is not None
+
+
+def test_a_large_matrix_is_sparse_and_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "SPARSE_FROM_ENTRIES", 1)
+    x = torch.as_tensor(X)
+    matrix = array_ops(x).matrix(MATRIX)
+    assert matrix.is_sparse
+    np.testing.assert_allclose((matrix @ x).numpy(), MATRIX @ X, atol=1e-14)
+
+
+def test_only_numpy_looks_whether_anything_exceeds() -> None:
+    assert not array_ops(X).may_exceed(X, 100.0)
+    assert array_ops(-X).may_exceed(-X, np.abs(X).max() - 1e-9)
+    assert array_ops(torch.as_tensor(X)).may_exceed(torch.as_tensor(X), 100.0)
