@@ -5,10 +5,10 @@ from __future__ import annotations
 import subprocess
 from typing import Any
 
+import bonmin
 import numpy as np
 import pytest
 
-from resilience.models.backends import bonmin
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods import METHODS, MethodOptions
 from resilience.testing import small_case

@@ -26,7 +26,7 @@ ALGORITHM = "B-BB"  # the others linearise, and cut off points where a cone is a
 class Bonmin(NLP):
     """Holds what `NLP` holds, and integers; modes relaxed; no bound."""
 
-    exact = NLP.exact | {"integer"}
+    integers = True
     plugin = "bonmin"
 
     def _options(self, free: Ints) -> dict[str, Any]:
@@ -40,22 +40,21 @@ class Bonmin(NLP):
 def solve_apart(standard: Standard, vectors: Vectors, time_limit: float) -> Solution:
     """Bonmin's answer, or nothing where it crashed or took longer than `time_limit` seconds."""
     with tempfile.TemporaryDirectory() as folder:
-        asked, given = Path(folder) / "asked", Path(folder) / "given"
-        asked.write_bytes(pickle.dumps((standard, vectors, time_limit)))
-        module = "resilience.models.backends.bonmin"
-        command = [sys.executable, "-m", module, str(asked), str(given)]
+        request, answer = Path(folder) / "request", Path(folder) / "answer"
+        request.write_bytes(pickle.dumps((standard, vectors, time_limit)))
+        command = [sys.executable, __file__, str(request), str(answer)]
         try:
             subprocess.run(command, timeout=time_limit + 10.0, capture_output=True, check=True)
         except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
             return NOTHING
-        return pickle.loads(given.read_bytes())
+        return pickle.loads(answer.read_bytes())
 
 
-def _main(asked: str, given: str) -> None:
-    standard, vectors, time_limit = pickle.loads(Path(asked).read_bytes())
+def _main(request: str, answer: str) -> None:
+    standard, vectors, time_limit = pickle.loads(Path(request).read_bytes())
     solver = Bonmin(standard, time_limit=time_limit)
     solver.update(vectors)
-    Path(given).write_bytes(pickle.dumps(solver.solve()))
+    Path(answer).write_bytes(pickle.dumps(solver.solve()))
 
 
 if __name__ == "__main__":
