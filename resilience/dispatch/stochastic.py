@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Bools, Floats
+from resilience.dispatch.distinct_paths import distinct_paths
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
@@ -95,22 +96,11 @@ class Stochastic:
         history = memory.history(observation, k)
         down = self.belief.paths(history, steps.horizon - 1, self.paths)
         blocks = np.logical_or.reduceat(down, steps.starts[1:] - 1, axis=1)
-        status = blocks.reshape(-1, self.paths)
-        _, first, count = np.unique(status, axis=1, return_index=True, return_counts=True)
-        order = np.argsort(first)
-        first, count = first[order], count[order]
-        size = self._size(len(first))
-        chosen = np.minimum(np.arange(size), len(first) - 1)
-        probability = np.where(np.arange(size) < len(first), count[chosen], 0) / self.paths
-        up = np.ones((len(observation.line_up), steps.n, size), bool)
+        distinct = distinct_paths(blocks.reshape(-1, self.paths), as_sampled=True)
+        up = np.ones((len(observation.line_up), steps.n, len(distinct.index)), bool)
         up[:, 0] = observation.line_up[:, [k]]
-        up[memory.lines, 1:] = ~blocks[:, :, first[chosen]]
-        return up, probability
-
-    def _size(self, n: int) -> int:
-        """Paths of the smallest program that holds n: 1, or a share of all of them."""
-        sizes = [1, *(int(np.ceil(self.paths * share)) for share in (0.25, 0.5, 0.75, 1.0))]
-        return next(size for size in sizes if size >= n)
+        up[memory.lines, 1:] = ~blocks[:, :, distinct.index]
+        return up, distinct.probability
 
     def _program(self, paths: int) -> WindowProgram:
         if paths not in self.programs:

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.dispatch.distinct_paths import distinct_paths
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.sddp.book import Book, CutSet
 from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
@@ -121,17 +122,10 @@ class Lookahead:
         later = futures(self.book.bell, asked.known, after, per_day, draws)
         blocks = np.logical_or.reduceat(later, steps.starts[1:] - 1, axis=1)
         facts = np.concatenate([blocks.reshape(-1, self.paths), later[:, -1]])
-        _, first, count = np.unique(facts, axis=1, return_index=True, return_counts=True)
-        size = self._size(len(first))
-        fill = np.minimum(np.arange(size), len(first) - 1)
-        share = np.where(np.arange(size) < len(first), count[fill], 0) / self.paths
-        up = np.repeat(up, size, axis=2)
-        up[self.lines, 1:] = ~blocks[:, :, first[fill]]
-        return Futures(up, share, later[:, -1, first[fill]])
-
-    def _size(self, n: int) -> int:
-        kept = [1, *(int(np.ceil(self.paths * part)) for part in (0.25, 0.5, 0.75, 1.0))]
-        return next(size for size in kept if size >= n)
+        distinct = distinct_paths(facts)
+        up = np.repeat(up, len(distinct.index), axis=2)
+        up[self.lines, 1:] = ~blocks[:, :, distinct.index]
+        return Futures(up, distinct.probability, later[:, -1, distinct.index])
 
     def _draw(self, day: int) -> DayDraw:
         """The draws of a day, the same in all of its slots and in every scenario."""
