@@ -16,7 +16,8 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.merged_grid import MergedGrid, merged_grid
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.language.tree import Cut, Tree
+from resilience.models.case_program import terminal_cuts
+from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
 from resilience.simulation.world import Observation, World
 
@@ -70,10 +71,8 @@ class _BoundProgram:
         self.world, plain = world, world.microgrid.physics != "copperplate"
         self.small = MergedGrid(world.microgrid, {}) if plain else merged_grid(world.microgrid.case)
         microgrid = self.small.microgrid
-        value = world.end_value_per_mwh
-        cut = Cut(0.0, {"ess.energy": np.full(len(microgrid.case.ess), -value)})
         tree = Tree.chain([f"t{t}" for t in range(slots)])
-        cuts = [cut] if value and microgrid.case.ess else []
+        cuts = terminal_cuts(microgrid.case, world.end_value_per_mwh)
         self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
         relaxed = np.zeros(self.standard.n_columns, bool)
         self.solver = Highs(lower(self.standard, integer=relaxed, exact={}))

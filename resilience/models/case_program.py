@@ -48,12 +48,30 @@ def status(case: Case) -> np.ndarray:
     return up
 
 
-def terminal_cuts(case: Case) -> list[Cut]:
-    """What energy left in storage is worth, as a cut on the cost behind the horizon."""
-    value = case.terminal_value_per_mwh
+def terminal_cuts(case: Case, value_per_mwh: float | None = None) -> list[Cut]:
+    """The worth of energy in storage at the end, as a cut on the cost behind the horizon.
+
+    Args:
+        case: the case.
+        value_per_mwh: $ per MWh; the case's terminal value if omitted.
+    """
+    value = case.terminal_value_per_mwh if value_per_mwh is None else value_per_mwh
     if not value or not case.ess:
         return []
     return [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})]
+
+
+def terminal_credit(case: Case, energy: Floats) -> Floats:
+    """The worth of energy in storage at the end, $.
+
+    Args:
+        case: the case.
+        energy: (units, slots, ...) MWh at the end of every slot.
+
+    Returns:
+        (...) one number per scenario.
+    """
+    return case.terminal_value_per_mwh * energy[:, -1].sum(axis=0)
 
 
 def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:

@@ -8,7 +8,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
-from resilience.models.case_program import CaseProgram
+from resilience.models.case_program import CaseProgram, terminal_credit
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
 from resilience.planning.scenario_program import ScenarioProgram
@@ -136,7 +136,7 @@ def _take(found: ScenarioOutcomes, k: int, program: CaseProgram, z: Floats) -> N
     found.shed[:, :, k] = shed
     terms = standard.cost_terms(z, program.data)
     found.operating_cost[k] = sum(float(spent.sum()) for spent in terms.values())
-    found.terminal_credit[k] = case.terminal_value_per_mwh * found.energy[:, -1, k].sum()
+    found.terminal_credit[k] = terminal_credit(case, found.energy[:, :, k])
 
 
 def of_run(world: World, run: Trajectory) -> ScenarioOutcomes:
@@ -153,7 +153,7 @@ def of_run(world: World, run: Trajectory) -> ScenarioOutcomes:
     power += [flow("grid.import") - flow("grid.export")]
     power += [shed - demand.reshape(shed.shape)]
     energy = run.energy[:, 1:]
-    credit = case.terminal_value_per_mwh * energy[:, -1].sum(0)
+    credit = terminal_credit(case, energy)
     return ScenarioOutcomes(
         run.cost.sum(0), credit, device_names(case), np.concatenate(power), energy, shed
     )

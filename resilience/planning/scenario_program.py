@@ -18,8 +18,8 @@ from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.case_program import CaseProgram
-from resilience.models.language.tree import Cut, Tree
+from resilience.models.case_program import CaseProgram, terminal_cuts
+from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Standard
@@ -169,10 +169,10 @@ def scenario_program(
         nodes = slice(*_span(leaves, stays, trunk, case.slots, int(k)))
         line_up[:, nodes] = storms.line_up[:, leaves[k] :, k]
     situation = microgrid.situation(line_up, lambda name: case.profile(name)[slot])
-    value = case.terminal_value_per_mwh
-    cuts = [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})] if value and case.ess else []
     stages, data = [microgrid.stage(case.step_h)], microgrid.data(situation)
-    two = TwoStage(stages, tree, trunk, data, microgrid.start(), cuts, risk or Risk())
+    two = TwoStage(
+        stages, tree, trunk, data, microgrid.start(), terminal_cuts(case), risk or Risk()
+    )
     return ScenarioProgram(microgrid, two, storms, leaves, chain, slot)
 
 

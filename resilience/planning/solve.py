@@ -14,7 +14,7 @@ from resilience.case.outages import outage_texts
 from resilience.errors import UsageError
 from resilience.files import replacing_file
 from resilience.fragility.draw import outages_from
-from resilience.models.case_program import CaseProgram, horizon
+from resilience.models.case_program import CaseProgram, horizon, terminal_credit
 from resilience.models.methods import METHODS, MethodOptions, MethodResult
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
@@ -241,7 +241,6 @@ def audited_point(program: CaseProgram, result: MethodResult) -> AuditedPoint:
 
 
 def _credit(program: CaseProgram, z: Floats) -> float:
-    value = program.case.terminal_value_per_mwh
-    if not value or not program.case.ess:
+    if not program.case.ess:
         return 0.0
-    return value * float(z[program.standard.columns("ess.energy")[:, -1]].sum())
+    return float(terminal_credit(program.case, z[program.standard.columns("ess.energy")]))
