@@ -12,9 +12,8 @@ from resilience.arrays import Floats
 from resilience.case.document import Finding
 from resilience.case.schema import GridTable
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
-from resilience.case.window import Window
+from resilience.case.window import DAY_MIN, Window
 
-_DAY_MIN = 24 * 60
 _CLOCK = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
 
 
@@ -68,8 +67,8 @@ def tariff_prices(tariff: Sequence[tuple[str, float]], window: Window) -> Floats
     begin = (window.start - midnight).total_seconds() / 60.0
     edges = begin + window.step_min * np.arange(window.slots + 1)
     # Cost of 1 MW bought from the first midnight on, at every change of the price over the horizon.
-    days = int(edges[-1] // _DAY_MIN) + 1
-    changes = (np.arange(days)[:, None] * _DAY_MIN + starts).ravel()
+    days = int(edges[-1] // DAY_MIN) + 1
+    changes = (np.arange(days)[:, None] * DAY_MIN + starts).ravel()
     prices = np.tile(price, days)
     paid = np.concatenate([[0.0], np.cumsum(prices[:-1] * np.diff(changes))])
     period = np.searchsorted(changes, edges, side="right") - 1

@@ -9,6 +9,7 @@ from math import ceil, floor
 from resilience.tolerances import SLOT_TOLERANCE
 
 _MINUTE = timedelta(minutes=1)
+DAY_MIN = 24 * 60
 
 
 @dataclass(frozen=True)
@@ -33,18 +34,33 @@ class Window:
     @property
     def longer_than_a_day(self) -> bool:
         """Whether a time of day alone does not name a slot."""
-        return self.slots * self.step_min > 24 * 60
+        return self.slots * self.step_min > DAY_MIN
 
     @property
     def slots_per_day(self) -> int:
-        """Slots of a day; 1 where a slot is longer."""
-        return max(round(24.0 * 60.0 / self.step_min), 1)
+        """Slots from midnight to midnight, rounded; 1 where a slot is longer than a day."""
+        return max(round(DAY_MIN / self.step_min), 1)
 
     @property
-    def slots_since_midnight(self) -> int:
-        """Slots from midnight to the start of the horizon."""
-        hours = self.start.hour + self.start.minute / 60.0
-        return round(hours / (self.step_min / 60.0))
+    def slots_before_start(self) -> int:
+        """Slots from midnight to the start of the horizon, rounded."""
+        start = self.start.hour * 60 + self.start.minute + self.start.second / 60
+        return round(start / self.step_min)
+
+    @property
+    def meets_midnight(self) -> bool:
+        """Whether slots divide a day and the horizon starts at a multiple of them."""
+        start = self.start.hour * 60 + self.start.minute + self.start.second / 60
+        per_day, before = DAY_MIN / self.step_min, start / self.step_min
+        return all(abs(x - round(x)) <= SLOT_TOLERANCE for x in (per_day, before))
+
+    def slot_of_day(self, t: int) -> int:
+        """Slots from midnight to slot `t`."""
+        return (self.slots_before_start + t) % self.slots_per_day
+
+    def day_number(self, t: int) -> int:
+        """Day of slot `t`, 0 for the one in which the horizon starts."""
+        return (self.slots_before_start + t) // self.slots_per_day
 
     def time(self, t: int) -> datetime:
         """The time at which slot `t` starts."""

@@ -19,8 +19,7 @@ class Memory:
 
     Attributes:
         lines: position in the case's network of every line that can fail.
-        per_day: slots of a day.
-        first: slot of the day in which the horizon starts.
+        window: horizon of the case.
         since: (lines, scenarios) clock at which a line that is down failed, -1 where it is up.
         spent: (lines, scenarios) whether a line has failed since the clock started.
         failed: (lines, scenarios) clock of a line's first failure, -1 where it has none.
@@ -30,8 +29,7 @@ class Memory:
     def __init__(self, world: World, daily: bool = True) -> None:
         case, self.daily = world.microgrid.case, daily
         self.lines = [case.network.line(name) for name in world.scenarios.lines]
-        self.per_day = case.window.slots_per_day
-        self.first = case.window.slots_since_midnight
+        self.window = case.window
         shape = (len(self.lines), world.scenarios.n)
         self.since = np.full(shape, -1)
         self.spent = np.zeros(shape, bool)
@@ -56,11 +54,11 @@ class Memory:
 
     def clock(self, t: int) -> int:
         """Slot of the day of slot t, or of the storm."""
-        return (self.first + t) % self.per_day if self.daily else t
+        return self.window.slot_of_day(t) if self.daily else t
 
     def day(self, t: int) -> int:
         """Number of the day of slot t, from 0; a storm is one."""
-        return (self.first + t) // self.per_day if self.daily else 0
+        return self.window.day_number(t) if self.daily else 0
 
     def history(self, observation: Observation, k: int) -> Known:
         """What is known of the lines of scenario k in the slot last noticed."""

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.window import DAY_MIN
 from resilience.errors import UsageError
-from resilience.fragility.outages.bell import REFERENCE_MIN, REFERENCE_SLOTS, Bell, case_bell
+from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, case_bell
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage
 
-DAY_MIN = 24 * 60
 DRAWN = ("bell", "storm")
 """Outages that are drawn, as a user names them."""
 
@@ -70,7 +69,8 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
             "allowed: 1 or more scenarios and days, seed 0 or more",
             hint="200 scenarios show a chance of 50 % to within 7 %",
         )
-    per_day, offset = _calendar(case)
+    check_calendar(case)
+    per_day, offset = case.window.slots_per_day, case.window.slots_before_start
     slots = case.slots if days is None else days * per_day
     count = -(-(offset + slots) // per_day)
     down = np.zeros((len(lines), slots, n), bool)
@@ -82,17 +82,18 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
     return Scenarios(lines, down, np.full(n, 1.0 / n), centre, seed, str(bell))
 
 
-def _calendar(case: Case) -> tuple[int, int]:
-    """Slots of a day, and slots from midnight to the start of the horizon."""
-    start = case.start.hour * 60 + case.start.minute + case.start.second / 60
-    found = DAY_MIN / case.step_min, start / case.step_min
-    if any(abs(x - round(x)) > SLOT_TOLERANCE for x in found):
+def check_calendar(case: Case) -> None:
+    """Refuses a horizon whose slots do not meet midnight: a bell is drawn day by day.
+
+    Raises:
+        UsageError: slots that do not divide a day, or a start between two of them.
+    """
+    if not case.window.meets_midnight:
         raise UsageError(
             f"slots of {case.step_min:g} min from {case.start:%H:%M} do not meet midnight; "
             "allowed: slots that divide a day, from a multiple of them on",
             hint="slots of 15 min from 00:00 are usual",
         )
-    return round(found[0]), round(found[1])
 
 
 def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Day:
@@ -103,12 +104,11 @@ def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Da
     draws: Floats = rng.random((lines, slots))
     if bell.common_draw:
         draws[:] = draws[0]
-    short, long = bell.duration_slots
-    lengths = rng.integers(short, long + 1, (lines, slots)) * (REFERENCE_MIN / step_min)
+    lengths = bell.lengths(step_min)
+    lengths = lengths[rng.integers(0, len(lengths), (lines, slots))]
     error = int(rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1))
     forecast = min(max(centre + error, 0), REFERENCE_SLOTS - 1)
-    # As everywhere in a case, a slot that an outage touches at all is down.
-    return Day(forecast, draws < chance, np.ceil(lengths - SLOT_TOLERANCE).astype(np.intp))
+    return Day(forecast, draws < chance, lengths)
 
 
 def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:

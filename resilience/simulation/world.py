@@ -150,17 +150,11 @@ class World:
         """(lines of the case, slots, scenarios) False where a line is down."""
         return self.scenarios.line_up(self.microgrid.case.network.line_names)
 
-    @property
-    def per_day(self) -> int:
-        """Slots of a day."""
-        return max(round(24.0 / self.microgrid.case.step_h), 1)
-
     @cached_property
     def day(self) -> Ints:
         """(slots,) number of the day of every slot; days begin at midnight."""
-        case = self.microgrid.case
-        first = round((case.start.hour + case.start.minute / 60.0) / case.step_h)
-        return (first + np.arange(case.slots)) // self.per_day
+        window = self.microgrid.case.window
+        return (window.slots_before_start + np.arange(window.slots)) // window.slots_per_day
 
     @cached_property
     def ends(self) -> Ints:

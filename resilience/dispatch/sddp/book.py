@@ -13,7 +13,7 @@ from resilience.case import Case
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
 from resilience.dispatch.sddp.chain import ModeChain, storm_chain
-from resilience.dispatch.sddp.days import learnt, past_days, slot_of_day, slots_of_day
+from resilience.dispatch.sddp.days import learnt, past_days
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
 from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
@@ -68,10 +68,10 @@ class Book:
         marked = zip(case.network.line_names, case.network.breakpoint, strict=True)
         self.lines = tuple(name for name, breaks in marked if breaks)
         _refuse(case, self.lines)
-        self.per_day = slots_of_day(case)
+        self.per_day = case.window.slots_per_day
         self.fleet = Fleet.of(case)
         self.climate = learnt(past_days(case), outcomes)
-        _, offset = slot_of_day(case, 0)
+        offset = case.window.slots_before_start
         self.prices = price_profiles(case, self.climate.names, self.per_day, offset)
         self.start: Floats = self.fleet.microgrid.start()["ess.energy"]
         self._known: dict[tuple[object, ...], CutSet] = {}
@@ -94,7 +94,7 @@ class Book:
         """
         worth = stored_energy_value(self.case, end_value_per_mwh)
         each = worth[[int(np.argmax(self.fleet.member == k)) for k in range(self.fleet.n)]]
-        _, first = slot_of_day(self.case, 0)
+        first = self.case.window.slots_before_start
         at = np.arange(self.per_day - first, self.case.slots, self.per_day)
         return each[:, at if len(at) else [-1]].mean(axis=1), each[:, -1]
 

@@ -19,10 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
-from resilience.tolerances import SLOT_TOLERANCE
+from resilience.case.window import DAY_MIN
+from resilience.fragility.outages.bell import Bell
 
-DAY_MIN = 24 * 60
 RARE = 1e-4  # per slot: failures less likely than this are left out
 UNLIKELY = 1e-7  # of being in a mode: modes less likely than this are left out
 
@@ -97,8 +96,9 @@ def _moves(bell: Bell, centres: Ints, shift: int, per_day: int) -> Moves:
 
 def _before_midnight(bell: Bell, failed: Floats, per_day: int) -> float:
     """Chance that a line which fails with (slots,) `failed` is down when the day ends."""
-    left = sum(np.arange(per_day) + d >= per_day for d in _lengths(bell, per_day))
-    return float(failed @ left / len(_lengths(bell, per_day))) if failed.any() else 0.0
+    lengths = bell.lengths(DAY_MIN / per_day)
+    left = sum(np.arange(per_day) + d >= per_day for d in lengths)
+    return float(failed @ left / len(lengths)) if failed.any() else 0.0
 
 
 def _renewal(
@@ -109,7 +109,7 @@ def _renewal(
     `before` are the chances, (slots,), of a failure in the slots of the day before.
     """
     chance = bell.slot_probability(centres, DAY_MIN / per_day)
-    n, lengths = len(centres), _lengths(bell, per_day)
+    n, lengths = len(centres), bell.lengths(DAY_MIN / per_day)
     failed = np.concatenate([np.tile(before, (n, 1)), np.zeros((n, per_day))], axis=1)
     returned, down = np.zeros((n, per_day)), np.zeros((n, per_day))
     carried = np.full(n, _before_midnight(bell, before, per_day))
@@ -125,13 +125,6 @@ def _renewal(
         is_down = is_down - returned[:, t] + failed[:, at]
         down[:, t] = is_down
     return failed[:, per_day:], returned, down
-
-
-def _lengths(bell: Bell, per_day: int) -> Ints:
-    """Slots that an outage may last, equally likely."""
-    short, long = bell.duration_slots
-    ratio = REFERENCE_MIN * per_day / DAY_MIN
-    return np.ceil(np.arange(short, long + 1) * ratio - SLOT_TOLERANCE).astype(np.intp)
 
 
 def _joint(bell: Bell, sets: Bools, fails: Floats, back: Floats) -> Floats:

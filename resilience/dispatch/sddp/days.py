@@ -46,7 +46,7 @@ def past_days(case: Case) -> Days:
     """
     from resilience.case.days import TEST_SHARE
 
-    per_day = slots_of_day(case)
+    per_day = case.window.slots_per_day
     file = case.source.get("profiles", {}).get("file")
     if file is not None:
         from resilience.case.profiles import read_profile_file
@@ -59,24 +59,13 @@ def past_days(case: Case) -> Days:
     return _cut_into_days(case, per_day)
 
 
-def slots_of_day(case: Case) -> int:
-    """Slots from midnight to midnight."""
-    return max(round(24.0 / case.step_h), 1)
-
-
-def slot_of_day(case: Case, t: int) -> tuple[int, int]:
-    """The day of a slot, 0 for the one in which the horizon begins, and its place in that day."""
-    start = case.start.hour * 60 + case.start.minute
-    return divmod(round(start / case.step_min) + t, slots_of_day(case))
-
-
 def _cut_into_days(case: Case, per_day: int) -> Days:
     size: dict[str, float] = {}
     for sign, tables in ((1.0, case.load), (-1.0, case.pv)):
         for table in tables:
             if table.profile is not None:
                 size[table.profile] = size.get(table.profile, 0.0) + sign * table.p_max_mw
-    _, offset = slot_of_day(case, 0)
+    offset = case.window.slots_before_start
     count = -(-(offset + case.slots) // per_day)
     series = np.full((len(size), count * per_day), np.nan)
     for row, name in zip(series, size, strict=True):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.window import DAY_MIN
 from resilience.fragility.beliefs.conditional import (
     DayDraw,
     Known,
@@ -19,8 +20,7 @@ from resilience.fragility.beliefs.conditional import (
     expected_left,
     futures,
 )
-from resilience.fragility.outages.bell import REFERENCE_MIN, Bell, case_bell
-from resilience.tolerances import SLOT_TOLERANCE
+from resilience.fragility.outages.bell import Bell, case_bell
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -69,8 +69,7 @@ class BellBelief:
 
     def __init__(self, bell: Bell, per_day: int, lines: int, seed: int = 0) -> None:
         self.bell, self.per_day, self.lines, self.seed = bell, per_day, lines, seed
-        longest = bell.duration_slots[1] * REFERENCE_MIN * per_day / (24 * 60)
-        self.longest_slots = int(np.ceil(longest - SLOT_TOLERANCE))
+        self.longest_slots = int(bell.lengths(DAY_MIN / per_day)[-1])
         self._days: dict[tuple[int, int], DayDraw] = {}
 
     def paths(self, known: Known, slots: int, n: int) -> Bools:
@@ -119,5 +118,4 @@ def case_belief(
         from resilience.fragility.chain import storm
 
         return StormBelief.of(storm(case), lines, seed=seed)
-    per_day = round(24.0 / case.step_h)
-    return BellBelief(bell or case_bell(case), per_day, len(lines), seed)
+    return BellBelief(bell or case_bell(case), case.window.slots_per_day, len(lines), seed)

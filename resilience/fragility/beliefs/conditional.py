@@ -10,7 +10,8 @@ from functools import lru_cache
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.outages.bell import REFERENCE_MIN, Bell
+from resilience.case.window import DAY_MIN
+from resilience.fragility.outages.bell import Bell
 from resilience.tolerances import SLOT_TOLERANCE
 
 
@@ -98,11 +99,11 @@ def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDr
             shift = (
                 0 if k == 0 else _shift(bell, draw.shared if bell.shared_shift else draw.shift[k])
             )
-            chance = bell.slot_probability(centre + shift, 24 * 60 / per_day)
+            chance = bell.slot_probability(centre + shift, DAY_MIN / per_day)
             if day == 0:
                 chance[:, : known.t + 1] = 0.0
             first, fails = _first(chance, draw.fail[k])
-            length = _lengths(bell, per_day, draw.length[k])
+            length = _pick(bell.lengths(DAY_MIN / per_day), draw.length[k])
             length = np.where(fails, np.minimum(length, per_day - first), 0)
             _mark(down[k], start + first, length)
     return down
@@ -132,7 +133,7 @@ def _starts(bell: Bell, centre: int, shift_slots: int, per_day: int, first: int)
     """(per_day,) probability that an outage begins in a slot, of a line up at `first`."""
     centres = np.array([centre]) if centre >= 0 else bell.centre_slots()
     peaks = np.add.outer(centres, np.arange(-shift_slots, shift_slots + 1)).ravel()
-    chance = bell.slot_probability(peaks, 24 * 60 / per_day)
+    chance = bell.slot_probability(peaks, DAY_MIN / per_day)
     chance[:, :first] = 0.0
     before = np.ones_like(chance)
     np.cumprod(1.0 - chance[:, :-1], axis=1, out=before[:, 1:])
@@ -170,17 +171,13 @@ def _first(chance: Floats, u: Floats) -> tuple[Ints, Bools]:
     return np.argmax(hit, axis=1), hit.any(axis=1)
 
 
-def _lengths(bell: Bell, per_day: int, u: Floats) -> Ints:
-    ratio = REFERENCE_MIN * per_day / (24 * 60)
-    short, long = bell.duration_slots
-    drawn = short + (u * (long - short + 1)).astype(int)
-    return np.ceil(drawn * ratio - SLOT_TOLERANCE).astype(np.intp)
+def _pick(values: Ints, u: Floats) -> Ints:
+    """(paths,) equally likely values, by uniform numbers."""
+    return values[(u * len(values)).astype(np.intp)]
 
 
 def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
-    ratio = REFERENCE_MIN * per_day / (24 * 60)
-    short, long = bell.duration_slots
-    total = np.unique(np.ceil(np.arange(short, long + 1) * ratio - SLOT_TOLERANCE).astype(np.intp))
+    total = np.unique(bell.lengths(DAY_MIN / per_day))
     left = total[total > elapsed] - elapsed - 1
     return left if len(left) else np.zeros(1, np.intp)
 

@@ -23,6 +23,7 @@ from scipy.optimize import brentq
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
+from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -144,6 +145,15 @@ class Bell:
         """(...) probability of an outage on a day; the arguments are those of a slot."""
         survival = np.log1p(-self.slot_probability(centre, step_min, slots))
         return np.asarray(-np.expm1(survival.sum(axis=-1)))
+
+    def lengths(self, step_min: float) -> Ints:
+        """(lengths,) slots of `step_min` minutes that an outage may last, equally likely.
+
+        As everywhere in a case, a slot that an outage touches at all is down.
+        """
+        shortest, longest = self.duration_slots
+        slots = np.arange(shortest, longest + 1) * (REFERENCE_MIN / step_min)
+        return np.ceil(slots - SLOT_TOLERANCE).astype(np.intp)
 
     def centre_slots(self) -> Ints:
         """Slots of 15 minutes in which the hazard may peak."""

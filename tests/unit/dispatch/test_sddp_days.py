@@ -7,7 +7,7 @@ import pytest
 
 import resilience as rs
 from resilience.case.days import held_out
-from resilience.dispatch.sddp.days import Days, learnt, past_days, slot_of_day
+from resilience.dispatch.sddp.days import Days, learnt, past_days
 from resilience.testing import small_case
 
 RNG = np.random.default_rng(4)
@@ -79,4 +79,4 @@ def test_a_case_without_a_file_is_its_own_climate() -> None:
     days = past_days(case)
     np.testing.assert_allclose(days.values[0, 0], case.profile("demand"))
     assert learnt(days, 2).levels.tolist() == [pytest.approx([1.0])]
-    assert slot_of_day(case, 7) == (1, 1)
+    assert (case.window.day_number(7), case.window.slot_of_day(7)) == (1, 1)
