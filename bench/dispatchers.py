@@ -14,7 +14,9 @@ from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import Trajectory, World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.world import World
 
 DAYS, DRAWS = 16, 8
 PAPER_S = 3632  # what the paper reports for its MINLP over these days

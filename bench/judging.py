@@ -15,7 +15,8 @@ from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import case_bell
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 
 DAYS, DRAWS = 16, 8
 SMALL_SHARE = 0.5  # of an episode of the fastest solver-based method

@@ -15,7 +15,8 @@ from resilience.dispatch.sddp.training import simulated
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 
 CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200
 BUILD_S = 10.0

@@ -21,7 +21,7 @@ from resilience.planning.scenario_program import (
     scenario_program,
 )
 from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
-from resilience.simulation.world import grid_with_fallible_lines
+from resilience.simulation.world import microgrid_with_fallible_lines
 
 COMMON, RECOURSE = 16, 32
 GAP = 1e-4
@@ -61,7 +61,7 @@ def _row(name: str, case: Case, physics: str, n: int, more: int, limit_s: float)
     scenarios = outages(case, n, more)
 
     def solve() -> tuple[ScenarioProgram, TwoStageSolution]:
-        microgrid = grid_with_fallible_lines(case, scenarios, physics)
+        microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
         program = scenario_program(
             microgrid, DistinctScenarios.among(scenarios, case), common_slots=COMMON
         )

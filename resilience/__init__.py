@@ -38,9 +38,10 @@ if TYPE_CHECKING:
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
     from resilience.simulation.forecast import ForecastError, sample_profiles
+    from resilience.simulation.observation import Dispatcher, Observation
     from resilience.simulation.replay import replay
     from resilience.simulation.trajectory import Trajectory
-    from resilience.simulation.world import Dispatcher, Observation, World
+    from resilience.simulation.world import World
 
     __version__: str
 else:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.fragility.beliefs.conditional import Known
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 
 class Memory:

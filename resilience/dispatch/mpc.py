@@ -12,7 +12,8 @@ from resilience.dispatch.reserve import Reserve, reserve_price
 from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 PAPER_SLOTS = 8
 

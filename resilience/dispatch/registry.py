@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from resilience.errors import UsageError
 
 if TYPE_CHECKING:
-    from resilience.simulation.world import Dispatcher, World
+    from resilience.simulation.observation import Dispatcher
+    from resilience.simulation.world import World
 
 Factory: TypeAlias = "Callable[[World], Dispatcher]"
 Futures = Literal["one", "many"]

@@ -30,7 +30,7 @@ from resilience.case.checks.reserve import reserve_price_range
 from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
-from resilience.simulation.world import Forecast
+from resilience.simulation.observation import Forecast
 
 if TYPE_CHECKING:
     from resilience.case import Case

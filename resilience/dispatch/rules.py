@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 
 class Idle:

@@ -23,7 +23,8 @@ from resilience.dispatch.window_program import (
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
 from resilience.models.program.risk import Risk
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 
 class Stochastic:

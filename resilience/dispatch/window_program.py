@@ -26,7 +26,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.simulation.world import Forecast
+from resilience.simulation.observation import Forecast
 
 RISK_NEUTRAL = Risk()
 """Nothing but the mean counts."""

@@ -19,7 +19,8 @@ from resilience.models.backends.lower import lower
 from resilience.models.case_program import terminal_cuts
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 STEEPEST = {"simplex_dual_edge_weight_strategy": -1}  # of a long horizon: half the time of Devex
 

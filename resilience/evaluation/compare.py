@@ -36,7 +36,7 @@ from resilience.simulation.forecast import (
     ForecastError,
     sample_outlook,
 )
-from resilience.simulation.world import World, grid_with_fallible_lines
+from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 ERRORS = {
     "ar1": ForecastError(MEASURED_SIGMA, MEASURED_CORRELATION),
@@ -104,7 +104,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     error_text = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
     rules: dict[str, Any] = {"known_centre": known_centre, "reset_daily": reset_daily}
     rules |= {"end_value_per_mwh": end_value_per_mwh, "outlook": outlook}
-    world = World.of(grid_with_fallible_lines(case, storms, physics), storms, **rules)
+    world = World.of(microgrid_with_fallible_lines(case, storms, physics), storms, **rules)
     return evaluate(
         world, makers, workers=workers, engine=engine, ac=ac, out=out, forecast_error=error_text
     )

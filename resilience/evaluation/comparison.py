@@ -13,8 +13,8 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectories
-from resilience.simulation.world import Trajectory
 
 if TYPE_CHECKING:
     from resilience.case import Case

@@ -24,8 +24,9 @@ from resilience.evaluation.engines import Engine, spread
 from resilience.evaluation.store import Store
 from resilience.models.simulator import NetworkSimulator
 from resilience.progress import Meter, meter
+from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory, joined
-from resilience.simulation.world import World, simulate
+from resilience.simulation.world import World
 
 STEPPED_AT_ONCE = 64  # scenarios of a part whose dispatcher decides for all of them together
 EPISODES_PER_BOUND_PART = 8  # which share the calm solve
@@ -84,7 +85,7 @@ def run_all(
         store: where finished parts are kept, and taken from.
     """
     parts = [
-        Part(name, world.part(index), make)
+        Part(name, world.with_scenarios(index), make)
         for name, make in {BOUND: None, **methods}.items()
         for index in _split(world.scenarios.n, _size(world, make))
     ]

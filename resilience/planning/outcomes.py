@@ -15,7 +15,8 @@ from resilience.planning.scenario_program import ScenarioProgram
 from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
 from resilience.planning.two_stage.lshaped import TwoStageSolution
-from resilience.simulation.world import Trajectory, World
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.world import World
 
 
 @dataclass

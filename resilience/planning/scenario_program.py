@@ -146,7 +146,7 @@ def scenario_program(
     """The two-stage program.
 
     Args:
-        microgrid: the microgrid, see `grid_with_fallible_lines`.
+        microgrid: the microgrid, see `microgrid_with_fallible_lines`.
         storms: its storms.
         common_slots: slots after which every storm goes its own way; None: each leaves the trunk
             when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.

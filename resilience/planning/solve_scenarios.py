@@ -34,7 +34,8 @@ from resilience.planning.scenario_program import (
 )
 from resilience.planning.tables import SlotTable
 from resilience.progress import phase, stopwatch
-from resilience.simulation.world import World, grid_with_fallible_lines, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 USUAL_SCENARIOS = 200
 
@@ -127,7 +128,7 @@ def plan_in_two_stages(
     risk = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
     with phase("model"):
         storms = DistinctScenarios.among(scenarios, case)
-        microgrid = grid_with_fallible_lines(case, scenarios, physics)
+        microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
         program = scenario_program(
             microgrid, storms, common_slots=options.get("common_slots"), risk=risk
         )
@@ -177,7 +178,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     risk = Risk()
     with phase("model"):
         storms = DistinctScenarios.among(scenarios, case)
-        microgrid = grid_with_fallible_lines(case, scenarios, "copperplate")
+        microgrid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
         world = World.of(microgrid, scenarios)
         program = scenario_program(microgrid, storms)
     with phase("dispatch", method):

@@ -16,7 +16,7 @@ from resilience.fragility.outages.bell import REFERENCE_MIN
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.network.graph import closable, merge
 from resilience.models.network.situation import Situation
-from resilience.simulation.world import Trajectory
+from resilience.simulation.trajectory import Trajectory
 
 GROUPS = 6  # of loads that are shed; what else is shed is one more
 LETTERS = 12  # of the name of a zone, unless the first of its buses has more

@@ -71,14 +71,14 @@ class ForecastError:
             step_min: length of a slot, minutes; the correlation is scaled to it.
         """
         rho = self.correlation ** (step_min / REFERENCE_MIN)
-        found = np.empty((profiles, slots, n))
+        errors = np.empty((profiles, slots, n))
         for k, stream in enumerate(rng.spawn(n)):
-            found[:, :, k] = stream.standard_normal((slots, profiles)).T
-        found[:, 1:] *= np.sqrt(1.0 - rho**2)
+            errors[:, :, k] = stream.standard_normal((slots, profiles)).T
+        errors[:, 1:] *= np.sqrt(1.0 - rho**2)
         for t in range(1, slots):
-            found[:, t] += rho * found[:, t - 1]
-        found *= self.sigma
-        return found
+            errors[:, t] += rho * errors[:, t - 1]
+        errors *= self.sigma
+        return errors
 
     def sample(
         self,
@@ -102,8 +102,8 @@ class ForecastError:
 
 def forecast_names(case: Case) -> tuple[str, ...]:
     """Names of the profiles that loads and PV follow; what nothing but a price follows is known."""
-    used = [*(table.profile for table in case.load), *(table.profile for table in case.pv)]
-    return tuple(dict.fromkeys(name for name in used if name is not None))
+    names = [*(table.profile for table in case.load), *(table.profile for table in case.pv)]
+    return tuple(dict.fromkeys(name for name in names if name is not None))
 
 
 def sample_profiles(
@@ -155,5 +155,5 @@ def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlo
     """Errors of every profile that loads and PV follow, drawn up front for `n` scenarios."""
     names = forecast_names(case)
     rng = np.random.default_rng(seed)
-    drawn = error.errors(len(names), case.slots, n, rng, case.step_min)
-    return Outlook(names, drawn, error.correlation ** (case.step_min / REFERENCE_MIN))
+    errors = error.errors(len(names), case.slots, n, rng, case.step_min)
+    return Outlook(names, errors, error.correlation ** (case.step_min / REFERENCE_MIN))

@@ -119,13 +119,13 @@ def redo(program: CaseProgram, decisions: Floats) -> Replayed:
     form, table = free.forms[0], free.tables[0]
     data = free.data_matrix(program.data, form, free.members[0])
     rhs = form.rhs[:, None] + form.rhs_data @ data
-    follow = _Follow(form)
+    with_states = _StateUpdate(form)
     z = np.zeros(free.n_columns)
-    for name, at in free.initial.items():
-        z[at] = program.x0[name]
+    for name, columns in free.initial.items():
+        z[columns] = program.x0[name]
     for t in range(free.tree.n):
         z[table[t, form.n_now :]] = decisions[:, t]
-        z[table[t]] = follow(z[table[t]], rhs[:, t])
+        z[table[t]] = with_states(z[table[t]], rhs[:, t])
     terms = free.cost_terms(z, program.data)
     costs = {name: float(spent.sum()) for name, spent in terms.items()}
     states = {b.name: z[free.columns(b.name)] for _, b in form.stage.states}
@@ -133,17 +133,27 @@ def redo(program: CaseProgram, decisions: Floats) -> Replayed:
     return Replayed(sum(costs.values()), costs, states, checked)
 
 
-class _Follow:
-    """Overwrites, in one slot's values, the states at its end by what rows and maxima make them."""
+class _StateUpdate:
+    """The states at the end of one slot, as its rows and maxima make them of its other values.
+
+    Attributes:
+        states: (states,) columns of the form at which states at the end of the slot stand.
+        tied: (n,) those of them that an equality row determines.
+        rows: (n,) these rows.
+        a: (n, columns) the rows' coefficients.
+        pivot: (n,) coefficient of the state in its row.
+        maxima: columns that are a maximum, and the affine expressions (matrix, constant) that
+            they are the maximum of.
+    """
 
     def __init__(self, form: Form) -> None:
         blocks = [after for _, after in form.stage.states]
         none = np.empty(0, np.intp)
         self.states: Ints = np.concatenate([none, *(form.position[b.slice] for b in blocks)])
         a = form.a.tocsr()
-        found = [self._row(a, form.equality, k) for k in range(len(self.states))]
-        tied = np.array([k for k, row in enumerate(found) if row >= 0], np.intp)
-        self.tied, self.rows = self.states[tied], np.array([r for r in found if r >= 0], np.intp)
+        rows = np.array([self._row(a, form.equality, k) for k in range(len(self.states))], np.intp)
+        tied = np.flatnonzero(rows >= 0)
+        self.tied, self.rows = self.states[tied], rows[tied]
         self.a = a[self.rows]
         self.pivot = self.a[np.arange(len(tied)), self.tied]
         self.maxima = [
@@ -155,18 +165,19 @@ class _Follow:
     def _row(self, a: sp.csr_array, equality: Floats, k: int) -> int:
         """The equality row that ties state k to its past, or sets it alone; -1 if there is none."""
         rows = np.flatnonzero(equality & (a[:, [self.states[k]]].toarray().ravel() != 0.0))
-        at = a[rows].tocsc()
-        alone = np.diff(at[:, self.states].tocsr().indptr) == 1
-        past = at[:, [k]].toarray().ravel() != 0.0  # present values come first, in the same order
-        for choice in (rows[alone & past], rows[alone]):
-            if len(choice) == 1:
-                return int(choice[0])
+        coefficients = a[rows].tocsc()
+        is_alone = np.diff(coefficients[:, self.states].tocsr().indptr) == 1
+        # States at the start of the slot are the first columns, in the same order.
+        has_past = coefficients[:, [k]].toarray().ravel() != 0.0
+        for candidates in (rows[is_alone & has_past], rows[is_alone]):
+            if len(candidates) == 1:
+                return int(candidates[0])
         return -1
 
     def __call__(self, z: Floats, rhs: Floats) -> Floats:
         """(columns,) of a slot, its states made to follow; rhs (rows,)."""
         z = z.copy()
         z[self.tied] += (rhs[self.rows] - self.a @ z) / self.pivot
-        for at, parts in self.maxima:
-            z[at] = np.max([m @ z + c for m, c in parts], axis=0)
+        for columns, expressions in self.maxima:
+            z[columns] = np.max([matrix @ z + const for matrix, const in expressions], axis=0)
         return z

@@ -36,6 +36,12 @@ class Slots:
 
     A situation costs as much for one node as for thousands, so a stretch has as many slots as make
     `NODES` nodes with the scenarios.
+
+    Args:
+        microgrid: the microgrid.
+        simulator: what steps it.
+        line_up: (lines of the case, slots, scenarios) False where a line is down.
+        profile: (len(slots), scenarios) what a profile really is, by its name and slots.
     """
 
     def __init__(
@@ -45,23 +51,19 @@ class Slots:
         line_up: Bools,
         profile: Callable[[str | None, Ints], Floats],
     ) -> None:
-        """See `World` for the arguments; `line_up` is (lines of the case, slots, scenarios)."""
-        self.microgrid, self.simulator, self.line_up, self.profile = (
-            microgrid,
-            simulator,
-            line_up,
-            profile,
-        )
+        self.microgrid, self.simulator = microgrid, simulator
+        self.line_up, self.profile = line_up, profile
         self.length = max(NODES // max(line_up.shape[2], 1), 1)
-        self.number, self.kept = -1, list[Slot]()
+        self.number, self.stretch = -1, list[Slot]()
 
     def __getitem__(self, t: int) -> Slot:
-        number, at = divmod(t, self.length)
+        number, place = divmod(t, self.length)
         if number != self.number:
-            self.number, self.kept = number, self._stretch(number * self.length)
-        return self.kept[at]
+            self.number, self.stretch = number, self._stretch(number * self.length)
+        return self.stretch[place]
 
     def _stretch(self, first: int) -> list[Slot]:
+        """The slots from `first` on, as many as a stretch has."""
         lines, horizon, n = self.line_up.shape
         slots = np.arange(first, min(first + self.length, horizon))
         up = self.line_up[:, slots].reshape(lines, len(slots) * n)
@@ -77,8 +79,8 @@ class Slots:
 
         def apart(array: np.ndarray) -> np.ndarray:
             """(slots, labels, scenarios), each slot in one piece."""
-            whole = np.broadcast_to(array, (len(array), len(slots) * n))
-            return np.ascontiguousarray(whole.reshape(len(array), len(slots), n).swapaxes(0, 1))
+            wide = np.broadcast_to(array, (len(array), len(slots) * n))
+            return np.ascontiguousarray(wide.reshape(len(array), len(slots), n).swapaxes(0, 1))
 
         named = {name: apart(values) for name, values in data.items()}
         stacked, island = apart(self.simulator.stacked(data)), apart(situation.island)

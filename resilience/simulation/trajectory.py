@@ -22,10 +22,13 @@ class Trajectory:
     """What a dispatcher did in every scenario.
 
     Attributes:
+        name: of the dispatcher.
         cost: (slots, scenarios) $.
         energy: (units, slots + 1, scenarios) MWh at the start of every slot, and at the end.
         storage: (units, slots, scenarios) MW fed in, discharging positive.
-        flows: (columns, slots, scenarios) MW, see `Simulator.columns`.
+        flows: (columns, slots, scenarios) MW of every source.
+        columns: names of the sources, as `load.shed[load1]`.
+        step_h: length of a slot, hours.
         seconds: for all decisions.
         spill: (slots, scenarios) MW that had to be taken and could not be used.
         left_mwh: (scenarios,) energy whose worth is credited: what is left at the end, or at every
@@ -82,8 +85,8 @@ class Trajectory:
 
     def flow(self, kind: str) -> Floats:
         """(devices, slots, scenarios) the flows of one kind, as `load.shed`."""
-        at = [k for k, name in enumerate(self.columns) if name.startswith(kind + "[")]
-        return self.flows[at]
+        rows = [k for k, name in enumerate(self.columns) if name.startswith(kind + "[")]
+        return self.flows[rows]
 
     @property
     def shed_mwh(self) -> Floats:
@@ -111,35 +114,35 @@ class Trajectory:
 
         slots, n = self.cost.shape
         index = pd.MultiIndex.from_product([range(n), range(slots)], names=["episode", "slot"])
-        found = {"cost": self.cost}
-        found |= {f"energy[{name}]": self.energy[k, :-1] for k, name in enumerate(units)}
-        found |= {f"storage[{name}]": self.storage[k] for k, name in enumerate(units)}
-        found |= {name: self.flows[k] for k, name in enumerate(self.columns)}
+        columns = {"cost": self.cost}
+        columns |= {f"energy[{name}]": self.energy[k, :-1] for k, name in enumerate(units)}
+        columns |= {f"storage[{name}]": self.storage[k] for k, name in enumerate(units)}
+        columns |= {name: self.flows[k] for k, name in enumerate(self.columns)}
         if self.spill is not None:
-            found["spill"] = self.spill
-        return pd.DataFrame({name: v.T.ravel() for name, v in found.items()}, index=index)
+            columns["spill"] = self.spill
+        return pd.DataFrame({name: v.T.ravel() for name, v in columns.items()}, index=index)
 
 
-def joined(parts: Sequence[Trajectory]) -> Trajectory:
-    """One trajectory from parts of the scenarios, in their order.
+def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
+    """One trajectory from those of some scenarios each, in their order.
 
     Seconds of decisions add up; a dispatcher that was made more than once counts the longest time,
     since what it keeps on disk is found there later.
     """
-    if len(parts) == 1:
-        return parts[0]
+    if len(trajectories) == 1:
+        return trajectories[0]
 
-    def whole(name: str) -> Floats | None:
-        arrays = [getattr(part, name) for part in parts]
+    def concatenated(name: str) -> Floats | None:
+        arrays = [getattr(trajectory, name) for trajectory in trajectories]
         return None if arrays[0] is None else np.concatenate(arrays, axis=-1)
 
     names = ("cost", "energy", "storage", "flows", "spill", "left_mwh", "proven")
-    arrays: dict[str, Any] = {name: whole(name) for name in names}
+    arrays: dict[str, Any] = {name: concatenated(name) for name in names}
     return replace(
-        parts[0],
+        trajectories[0],
         **arrays,
-        seconds=sum(part.seconds for part in parts),
-        cpu_seconds=sum(part.cpu_seconds for part in parts),
-        build_seconds=max(part.build_seconds for part in parts),
-        build_cpu_seconds=max(part.build_cpu_seconds for part in parts),
+        seconds=sum(t.seconds for t in trajectories),
+        cpu_seconds=sum(t.cpu_seconds for t in trajectories),
+        build_seconds=max(t.build_seconds for t in trajectories),
+        build_cpu_seconds=max(t.build_cpu_seconds for t in trajectories),
     )

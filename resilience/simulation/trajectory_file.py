@@ -12,13 +12,13 @@ import numpy as np
 
 from resilience.errors import UsageError
 from resilience.files import replacing_file
-from resilience.simulation.world import Trajectory
+from resilience.simulation.trajectory import Trajectory
 
 FOLDER = "trajectories"
 """Where a saved comparison keeps them, `METHOD.npz` each."""
 
 
-def save_trajectory(run: Trajectory, path: str | Path) -> None:
+def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
     """Writes a .npz file, whole or not at all; a field that is None is left out.
 
     Raises:
@@ -30,7 +30,7 @@ def save_trajectory(run: Trajectory, path: str | Path) -> None:
             f"a trajectory cannot be kept in {path.name!r}; allowed suffix: .npz",
             hint=f"{path.stem}.npz, say",
         )
-    values = {f.name: getattr(run, f.name) for f in fields(run)}
+    values = {f.name: getattr(trajectory, f.name) for f in fields(trajectory)}
     arrays: dict[str, Any] = {k: np.asarray(v) for k, v in values.items() if v is not None}
     with replacing_file(path) as fresh, fresh.open("wb") as binary:
         np.savez_compressed(binary, **arrays)
@@ -49,13 +49,13 @@ def load_trajectory(path: str | Path) -> Trajectory:
         )
     try:
         with np.load(path) as file:
-            found = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
+            values = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
     except (zipfile.BadZipFile, EOFError, ValueError) as error:
         raise _unreadable(path) from error
     needed = {f.name for f in fields(Trajectory) if f.default is MISSING}
-    if not needed <= found.keys():
+    if not needed <= values.keys():
         raise _unreadable(path)
-    return Trajectory(**found)
+    return Trajectory(**values)
 
 
 def _unreadable(path: Path) -> UsageError:
@@ -71,13 +71,13 @@ def _value(array: np.ndarray) -> Any:
     return tuple(array.tolist()) if array.dtype.kind == "U" else array
 
 
-def save_trajectories(runs: Mapping[str, Trajectory], folder: Path) -> None:
-    """Writes every run as `folder/trajectories/METHOD.npz`; the method is the key of `runs`."""
-    for method, run in runs.items():
-        save_trajectory(run, folder / FOLDER / f"{method}.npz")
+def save_trajectories(trajectories: Mapping[str, Trajectory], folder: Path) -> None:
+    """Writes each as `folder/trajectories/METHOD.npz`; the method is its key."""
+    for method, trajectory in trajectories.items():
+        save_trajectory(trajectory, folder / FOLDER / f"{method}.npz")
 
 
 def load_trajectories(folder: Path) -> dict[str, Trajectory]:
-    """Reads them all, by method; none where the folder has none."""
+    """Reads all trajectories, by method; none where the folder has none."""
     paths = sorted((folder / FOLDER).glob("*.npz"))
     return {path.stem: load_trajectory(path) for path in paths}

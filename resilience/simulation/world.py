@@ -1,12 +1,10 @@
-"""Dispatchers and episodes: everybody faces the same storms, and sees what an operator sees."""
+"""The world of an evaluation: a microgrid, its simulator, and the storms that everybody faces."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -18,55 +16,23 @@ from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.simulation.forecast import Outlook
+from resilience.simulation.observation import Forecast
 from resilience.simulation.slots import Slot, Slots, Stepper
-from resilience.simulation.trajectory import Trajectory
-
-__all__ = ["Dispatcher", "Forecast", "Observation", "Trajectory", "World", "simulate", "stepper"]
-Forecast = Callable[[str | None, Ints], Floats]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What an operator sees at the start of a slot, for a batch of scenarios.
-
-    Attributes:
-        t: the slot.
-        energy: (units, batch) stored energy, MWh.
-        line_up: (lines of the case, batch) which lines are up now; a failure is seen in its slot.
-        island: (buses of the merged graph, batch) number of each bus's island.
-        centre: (batch,) slot of 15 minutes at which today's hazard is forecast to peak, -1 where
-            unknown.
-        forecast: per-unit values of a profile by its name (None: constant 1) and slots from `t`
-            on, (len(slots), batch): true now, expected later.
-    """
-
-    t: int
-    energy: Floats
-    line_up: Bools
-    island: Ints
-    centre: Ints
-    forecast: Forecast
-
-    def forecast_of(self, k: int) -> Forecast:
-        """The forecast of scenario k alone, (len(slots),)."""
-        return lambda name, slots: self.forecast(name, slots)[:, k]
-
-
-class Dispatcher(Protocol):
-    """Decides the storage power; the rest of the island follows by recourse."""
-
-    name: str
-
-    def act(self, seen: Observation) -> Floats:
-        """(units, batch) charging power in MW, negative when discharging."""
 
 
 @dataclass(frozen=True)
 class World:
-    """The microgrid, its simulator, and the storms of an evaluation.
+    """The microgrid, its simulator, and the scenarios of an evaluation.
+
+    Everybody who is compared acts in the same world. A dispatcher reads the case, the lines that
+    can fail and what energy is worth here; the outages themselves are for the simulator alone.
+    `compare` makes the usual world; `World.of` makes one from a microgrid and scenarios.
 
     Attributes:
-        end_value_per_mwh: credit for energy left at the end; everybody knows it.
+        microgrid: the case at its physics; `world.microgrid.case` is the case.
+        simulator: what steps it; `simulator.limits` says what storage can do.
+        scenarios: outage paths over the horizon of the case, and their probabilities.
+        end_value_per_mwh: credit for energy stored at the end, $ per MWh; everybody knows it.
         outlook: errors of the forecast; None: load and PV come as the profiles say.
         known_centre: operators are told at midnight where the day's hazard is forecast to peak.
         reset_daily: the state of charge starts anew every midnight.
@@ -98,14 +64,14 @@ class World:
 
         Args:
             microgrid: the microgrid.
-            scenarios: its storms.
+            scenarios: outage paths, over the horizon of the microgrid's case.
             end_value_per_mwh: the case's terminal value if omitted.
-            outlook: errors of the forecast.
+            outlook: errors of the forecast; None: load and PV come as the profiles say.
             known_centre: operators are told where the day's hazard is forecast to peak.
             reset_daily: the state of charge starts anew every midnight.
 
         Raises:
-            UsageError: storms of another horizon, or physics that nothing simulates.
+            UsageError: scenarios of another horizon, or physics that nothing simulates.
         """
         if end_value_per_mwh is None:
             end_value_per_mwh = microgrid.case.terminal_value_per_mwh
@@ -115,9 +81,14 @@ class World:
                 f"allowed: {microgrid.case.slots}, as the case",
                 hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
             )
-        stepped = stepper(microgrid)
         return cls(
-            microgrid, stepped, scenarios, end_value_per_mwh, outlook, known_centre, reset_daily
+            microgrid,
+            stepper(microgrid),
+            scenarios,
+            end_value_per_mwh,
+            outlook,
+            known_centre,
+            reset_daily,
         )
 
     @property
@@ -129,18 +100,18 @@ class World:
         """
         return np.arange(self.scenarios.n) if self.numbers is None else self.numbers
 
-    def part(self, at: Ints) -> World:
+    def with_scenarios(self, places: Ints) -> World:
         """The same world with some of its scenarios; they keep their numbers."""
         outlook = self.outlook
         if outlook is not None:
-            outlook = replace(outlook, error=outlook.error[:, :, at])
-        storms = self.scenarios.chosen(at)
-        return replace(self, scenarios=storms, outlook=outlook, numbers=self.index[at])
+            outlook = replace(outlook, error=outlook.error[:, :, places])
+        chosen = self.scenarios.chosen(places)
+        return replace(self, scenarios=chosen, outlook=outlook, numbers=self.index[places])
 
     def __getstate__(self) -> dict[str, Any]:
         # A simulator is made anew where it arrives: it may hold what cannot travel.
-        kept = {f.name: getattr(self, f.name) for f in fields(self)}
-        return kept | {"simulator": None}
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return state | {"simulator": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state | {"simulator": stepper(state["microgrid"])})
@@ -217,43 +188,7 @@ def stepper(microgrid: Microgrid) -> Stepper:
     return NetworkSimulator(microgrid, microgrid.case.step_h)
 
 
-def simulate(
-    world: World, dispatcher: Dispatcher, on_slot: Callable[[], None] | None = None
-) -> Trajectory:
-    """Runs a dispatcher through all scenarios at once.
-
-    Args:
-        world: the storms.
-        dispatcher: a fresh one; it may remember what it has seen.
-        on_slot: called after every slot.
-    """
-    case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
-    energy = start = world.start()
-    left = np.zeros(n)
-    run = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
-    run.energy[:, 0] = energy
-    seconds = cpu = 0.0
-    ends = set(world.ends.tolist())
-    for t in range(case.slots):
-        now, up = world.slot(t), world.line_up[:, t]
-        seen = Observation(t, energy, up, now.island, world.centre(t), world.forecast(t))
-        began = time.perf_counter(), time.process_time()
-        action = dispatcher.act(seen)
-        seconds += time.perf_counter() - began[0]
-        cpu += time.process_time() - began[1]
-        step = simulator.step(energy, action, now.stacked, now.island)
-        run.record(t, step)
-        energy = step.energy
-        if t in ends:
-            left += energy.sum(0)
-            energy = start if t + 1 < case.slots else energy
-        run.energy[:, t + 1] = energy
-        if on_slot is not None:
-            on_slot()
-    return replace(run, left_mwh=left, seconds=seconds, cpu_seconds=cpu)
-
-
-def grid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
+def microgrid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
     """The microgrid in which every line of the scenarios can fail."""
     hit = {outage.line for outage in case.outages}
     more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)

@@ -13,14 +13,10 @@ from resilience.case import Case
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.simulation.forecast import ForecastError, sample_outlook
+from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
-from resilience.simulation.world import (
-    Dispatcher,
-    Observation,
-    World,
-    grid_with_fallible_lines,
-    simulate,
-)
+from resilience.simulation.world import World, microgrid_with_fallible_lines
 from resilience.testing.cases import small_case
 
 DispatcherFactory = Callable[[World], Dispatcher]
@@ -66,7 +62,7 @@ def small_world() -> World:
     peak = np.full((1, 3), 32)  # 08:00 in slots of 15 minutes
     scenarios = Scenarios(("1-2", "2-3"), down, np.array([0.5, 0.3, 0.2]), peak)
     outlook = sample_outlook(case, ForecastError(), scenarios.n, seed=7)
-    grid = grid_with_fallible_lines(case, scenarios, "copperplate")
+    grid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
     return World.of(grid, scenarios, outlook=outlook)
 
 
@@ -95,7 +91,7 @@ def check_dispatcher(
     world = world or small_world()
     slot = world.microgrid.case.slots // 2 if at_slot is None else at_slot
     for k in range(world.scenarios.n):
-        episode = world.part(np.array([k]))
+        episode = world.with_scenarios(np.array([k]))
         trajectory, actions = _run(make_dispatcher, episode)
         _check_limits(episode.microgrid.case, trajectory)
         _check_bound(episode, trajectory)

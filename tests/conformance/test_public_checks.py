@@ -18,7 +18,8 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.program.standard import Standard, Vectors
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 from resilience.testing import TINY, check_backend, check_dispatcher, small_world
 
 CURVED = {"disc", "cone"}

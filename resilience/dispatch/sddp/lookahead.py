@@ -19,7 +19,7 @@ from resilience.dispatch.sddp.book import Book, CutSet
 from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
 from resilience.fragility.beliefs.conditional import DayDraw, Known, days_reached, futures
 from resilience.models.backends.highs import Highs
-from resilience.simulation.world import Forecast
+from resilience.simulation.observation import Forecast
 
 AHEAD = WindowSteps(slots=4, blocks=3, block_slots=4)
 

@@ -15,7 +15,8 @@ from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
 from resilience.fragility.beliefs.conditional import Known
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 
 PATHS = 20
 

@@ -22,7 +22,9 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
-from resilience.simulation.world import Observation, World, simulate
+from resilience.simulation.observation import Observation
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 LIKELY = np.array([0.75, 0.25])
@@ -275,7 +277,7 @@ def test_differences_are_between_any_two_methods(short: World) -> None:
 
 def test_values_of_looking_further(day: World) -> None:
     """What the blind window costs more than the fan, and what foresight would save of the fan."""
-    found = rs.evaluate(day.part(np.array([1])), ["mpc-blind", "stochastic"])
+    found = rs.evaluate(day.with_scenarios(np.array([1])), ["mpc-blind", "stochastic"])
     (one,) = found.value_of_stochastic_solution()
     blind, many = (found.objective[name].mean() for name in ("mpc-blind", "stochastic"))
     assert (one["deterministic"], one["stochastic"]) == ("mpc-blind", "stochastic")

@@ -19,7 +19,9 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import Observation, World, simulate
+from resilience.simulation.observation import Observation
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 VALUE = 0.35

@@ -19,7 +19,8 @@ from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 

@@ -23,7 +23,9 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
-from resilience.simulation.world import Observation, World, simulate
+from resilience.simulation.observation import Observation
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 METHODS = ["rule", "mpc-blind"]
@@ -72,7 +74,7 @@ def test_ray_changes_nothing(world: World, alone: rs.Report) -> None:
 @pytest.mark.parametrize("at", [[2], [3, 1]])
 def test_an_episode_does_not_know_of_others(world: World, alone: rs.Report, at: list[int]) -> None:
     """Some scenarios alone give the numbers that they give among all."""
-    some = rs.evaluate(world.part(np.array(at)), METHODS)
+    some = rs.evaluate(world.with_scenarios(np.array(at)), METHODS)
     np.testing.assert_array_equal(some.bound, alone.bound[at])
     for name in METHODS:
         np.testing.assert_allclose(some.objective[name], alone.objective[name][at], rtol=1e-12)
@@ -82,9 +84,9 @@ def test_an_episode_does_not_know_of_others(world: World, alone: rs.Report, at: 
 
 
 def test_scenarios_keep_their_numbers(world: World) -> None:
-    part = world.part(np.array([3, 1]))
+    part = world.with_scenarios(np.array([3, 1]))
     assert part.index.tolist() == [3, 1]
-    assert part.part(np.array([1])).index.tolist() == [1]
+    assert part.with_scenarios(np.array([1])).index.tolist() == [1]
     assert world.index.tolist() == [0, 1, 2, 3]
     assert part.outlook is not None
     assert world.outlook is not None
@@ -181,7 +183,7 @@ def test_a_part_is_called_after_all_that_it_depends_on(world: World, tmp_path: P
         replace(world, reset_daily=True),
         replace(world, outlook=None),
         replace(world, scenarios=replace(world.scenarios, down=~world.scenarios.down)),
-        world.part(np.array([0])),
+        world.with_scenarios(np.array([0])),
         World.of(Microgrid.of(dearer, "copperplate"), world.scenarios),
     ]
     names = [store._path("rule", w, rule) for w in changed]

@@ -21,7 +21,8 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 HOURS = np.arange(24)

@@ -17,7 +17,8 @@ from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import World, grid_with_fallible_lines, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 CASE = "ieee33_rammasun"
 
@@ -93,6 +94,6 @@ def test_lines_that_a_case_thought_firm_fail_where_scenarios_say_so() -> None:
     report = compare("ieee33", ["rule"], days=1, scenarios=Scenarios(("5-6",), down, np.ones(1)))
     microgrid = report.world.microgrid
     assert "5-6" in microgrid.network.line_names
-    assert grid_with_fallible_lines(
+    assert microgrid_with_fallible_lines(
         case, report.world.scenarios, "copperplate"
     ).network.line_names == (microgrid.network.line_names)

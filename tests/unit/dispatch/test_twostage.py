@@ -26,7 +26,7 @@ from resilience.models.program.risk import Risk
 from resilience.planning.scenario_methods import solve_scenario_program, wait_and_see
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_program import DistinctScenarios, scenario_program
-from resilience.simulation.world import grid_with_fallible_lines
+from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.testing import small_case
 
 ALGORITHMS = ("extensive", "lshaped")
@@ -194,7 +194,7 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     weights = np.random.default_rng(0).random(12)
     scenarios = Scenarios(drawn.lines, drawn.down, weights / weights.sum())
     program = scenario_program(
-        grid_with_fallible_lines(feeder, scenarios, "copperplate"),
+        microgrid_with_fallible_lines(feeder, scenarios, "copperplate"),
         DistinctScenarios.among(scenarios, feeder),
         risk=risk,
     )

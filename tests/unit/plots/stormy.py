@@ -11,7 +11,9 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.evaluation.comparison import Comparison
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.world import Trajectory, World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.world import World
 from resilience.testing import small_case
 
 SLOTS = 24

@@ -16,7 +16,8 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.ac_check import connected, roots
-from resilience.simulation.world import World, simulate
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 from tests.unit.powerflow.oracle import oracle
 

@@ -1,0 +1,75 @@
+"""What a dispatcher sees in a slot, and what it has to answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from resilience.arrays import Bools, Floats, Ints
+
+Forecast = Callable[[str | None, Ints], Floats]
+"""Per-unit values of a profile, by its name (None: constant 1) and slots from now on."""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What an operator sees at the start of a slot, for a batch of scenarios.
+
+    Attributes:
+        t: the slot, 0 for the first of the horizon.
+        energy: (units, batch) stored energy, MWh; units are in the order of `case.ess`.
+        line_up: (lines of the case, batch) which lines are up now; a failure is seen in its slot.
+        island: (buses of the merged graph, batch) number of each bus's island.
+        centre: (batch,) slot of 15 minutes at which today's hazard is forecast to peak, -1 where
+            unknown.
+        forecast: per-unit values of a profile by its name (None: constant 1) and slots from `t`
+            on, (len(slots), batch): true now, expected later.
+    """
+
+    t: int
+    energy: Floats
+    line_up: Bools
+    island: Ints
+    centre: Ints
+    forecast: Forecast
+
+    def forecast_of(self, k: int) -> Forecast:
+        """The forecast of scenario k alone, (len(slots),)."""
+        return lambda name, slots: self.forecast(name, slots)[:, k]
+
+
+class Dispatcher(Protocol):
+    """Decides the storage power in every slot; the rest of each island follows by recourse.
+
+    A dispatcher is made from the world in which it acts, once for a batch of scenarios, and then
+    asked slot by slot. It may remember what it has observed. It does not need to keep to limits:
+    the simulator cuts its answer back to what the units can do, see `Simulator.limits`.
+
+        class Full:
+            name = "full"
+
+            def __init__(self, world: World) -> None:
+                self.capacity = np.array([[unit.e_mwh] for unit in world.microgrid.case.ess])
+                self.step_h = world.microgrid.case.step_h
+
+            def act(self, observation: Observation) -> Floats:
+                return (self.capacity - observation.energy) / self.step_h
+
+        report = rs.compare("ieee33-tou", {"full": Full}, days=2, draws=4)
+
+    `resilience.testing.check_dispatcher` holds one against the rules of the game: nobody may see
+    the future, and nobody may cost less than the clairvoyant bound.
+
+    Attributes:
+        name: of the method, in reports.
+    """
+
+    name: str
+
+    def act(self, observation: Observation, /) -> Floats:
+        """(units, batch) charging power in MW, negative when discharging.
+
+        Args:
+            observation: of the slot; do not change its arrays.
+        """

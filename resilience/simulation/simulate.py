@@ -1,0 +1,49 @@
+"""Episodes: a dispatcher meets every scenario of a world, slot by slot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.world import World
+
+
+def simulate(
+    world: World, dispatcher: Dispatcher, on_slot: Callable[[], None] | None = None
+) -> Trajectory:
+    """Runs a dispatcher through all scenarios at once.
+
+    Args:
+        world: the storms.
+        dispatcher: a fresh one; it may remember what it has observed.
+        on_slot: called after every slot.
+    """
+    case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
+    energy = start = world.start()
+    credited = np.zeros(n)
+    trajectory = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
+    trajectory.energy[:, 0] = energy
+    seconds = cpu = 0.0
+    ends = set(world.ends.tolist())
+    for t in range(case.slots):
+        slot, up = world.slot(t), world.line_up[:, t]
+        observation = Observation(t, energy, up, slot.island, world.centre(t), world.forecast(t))
+        began = time.perf_counter(), time.process_time()
+        action = dispatcher.act(observation)
+        seconds += time.perf_counter() - began[0]
+        cpu += time.process_time() - began[1]
+        step = simulator.step(energy, action, slot.stacked, slot.island)
+        trajectory.record(t, step)
+        energy = step.energy
+        if t in ends:
+            credited += energy.sum(0)
+            energy = start if t + 1 < case.slots else energy
+        trajectory.energy[:, t + 1] = energy
+        if on_slot is not None:
+            on_slot()
+    return replace(trajectory, left_mwh=credited, seconds=seconds, cpu_seconds=cpu)
