@@ -22,7 +22,7 @@ TURNS = 3
 
 def relaxed(standard: Standard) -> Lowered:
     """The linear program: integers and modes left out, discs as polygons."""
-    return lower(standard, integer=np.zeros(standard.n_columns, bool), exact={})
+    return lower(standard, integer="none", modes={})
 
 
 def build(case: Case, backend: type[Highs] | type[Pyomo]) -> Backend:

@@ -158,7 +158,7 @@ class WindowProgram:
         if not steps.blocks:
             stages = stages[:1]
         self.standard = standard = unroll(stages, steps.tree(paths))
-        lowered = lower(standard, integer=np.zeros(standard.n_columns, bool), exact={})
+        lowered = lower(standard, integer="none", modes={})
         averse = risk.averse and paths > 1
         make = partial(RiskAverse, risk=risk) if averse else Highs
         self.solver: Highs = make(lowered, duals=False, threads=1)

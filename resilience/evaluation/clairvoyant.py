@@ -75,8 +75,7 @@ class _BoundProgram:
         tree = Tree.chain([f"t{t}" for t in range(slots)])
         cuts = terminal_cuts(microgrid.case, world.end_value_per_mwh)
         self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
-        relaxed = np.zeros(self.standard.n_columns, bool)
-        self.solver = Highs(lower(self.standard, integer=relaxed, exact={}))
+        self.solver = Highs(lower(self.standard, integer="none", modes={}))
         self.solver.tune(STEEPEST)
         nothing = np.empty((0, slots), np.intp)
         self.storage = [

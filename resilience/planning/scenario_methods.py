@@ -10,8 +10,16 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.backends.base import Status
-from resilience.models.methods.answer import Deadline, gap, remains, sides, violated, widest
+from resilience.models.methods.answer import (
+    Deadline,
+    broken_facts,
+    broken_modes,
+    gap,
+    idle_columns,
+    worst_violation,
+)
 from resilience.models.program.standard import Standard
+from resilience.models.structures import Cone, Disc
 from resilience.planning.scenario_program import ScenarioProgram, scenario_program
 from resilience.planning.two_stage.extensive import extensive
 from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
@@ -115,7 +123,7 @@ def costs_of(two: TwoStage, states: Floats) -> Floats | None:
 
 def _algorithm(program: ScenarioProgram, wanted: str | None) -> str:
     two = program.two
-    if any(structure.kind == "cone" for structure in two.first.structures):
+    if two.first.structures_of(Cone):
         raise UsageError(
             "two-stage programs are linear and cannot hold the cones of distflow; "
             "allowed: copperplate, lindistflow",
@@ -148,19 +156,19 @@ def _kept(
     for k in range(MODE_ROUNDS):
         broken, wide = False, False
         for chain, (problem, z) in _pieces(two, found).items():
-            elements = violated(problem, z)
-            wide = wide or widest(problem, z, "disc") > RELAXATION_TOLERANCE
+            elements = broken_modes(problem, z)
+            wide = wide or worst_violation(problem, z, Disc) > RELAXATION_TOLERANCE
             if elements:
                 broken = True
                 (held if chain < 0 else holds.setdefault(chain, [])).append(
-                    sides(problem, z, elements)[0]
+                    idle_columns(problem, z, elements)[0]
                 )
         if not (broken or wide):
             return found
         ends = [two.first.state_columns(node) for node in range(two.trunk)]
         again = replace(
             options,
-            time_limit=max(clock.left, 1.0),
+            time_limit=max(clock.remaining_s, 1.0),
             start=found.trunk[np.array(ends, np.intp)],
             discs="inner",
             held=np.concatenate([np.empty(0, np.intp), *held]),
@@ -186,7 +194,7 @@ def _left(two: TwoStage, found: TwoStageSolution) -> list[str]:
     """What the plan leaves relaxed: of the trunk, and of how many scenarios."""
     lines, scenarios = [], 0
     for k, (problem, z) in _pieces(two, found).items():
-        left = remains(problem, z)
+        left = broken_facts(problem, z)
         if k < 0:
             lines += [f"common slots: {line}" for line in left]
         scenarios += k >= 0 and bool(left)

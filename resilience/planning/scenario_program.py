@@ -100,7 +100,7 @@ class ScenarioProgram:
             sums = [np.bincount(self.slot, chance * row, self.slots) for row in wide]
             data[name] = np.array(sums).reshape(len(values), self.slots)
         problem = self.full()
-        solver = Highs(lower(problem, integer=np.zeros(problem.n_columns, bool), exact={}))
+        solver = Highs(lower(problem, integer="none", modes={}))
         solver.update(problem.vectors(data, self.two.x0))
         z = solver.solve().z
         ends = [problem.state_columns(t) for t in range(self.two.trunk)]

@@ -19,6 +19,7 @@ from resilience.models.methods import METHODS, MethodOptions, MethodResult
 from resilience.models.methods.answer import gap
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
+from resilience.models.structures import Cone
 from resilience.planning.plan import Plan
 from resilience.planning.reasons import shed_reasons
 from resilience.planning.records import Certificate, Costs, Horizon
@@ -187,7 +188,7 @@ def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
     if plan.case is None:
         raise UsageError("a plan without its case has no model", hint="solve the case again")
     program = horizon(plan.case, cast(Physics, plan.physics))
-    cones = any(s.kind == "cone" for s in program.standard.structures)
+    cones = program.standard.structures_of(Cone)
     model = Pyomo(program.standard, solver="scip" if cones else "highs")
     model.update(program.vectors)
     with replacing_file(path) as fresh:

@@ -13,7 +13,7 @@ from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, s
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.models.methods.answer import LATE, MethodOptions, gap
+from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions, gap
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.planning import outcomes
@@ -166,7 +166,7 @@ def plan_in_two_stages(
             audit=happening.audit,
             audit_worst=happening.audit_worst,
         ),
-        notes=[] if result.solved.status == "optimal" else [LATE],
+        notes=[] if result.solved.status == "optimal" else [OUT_OF_TIME],
         tables=tables,
         mean_value_cost=result.mean_value,
         value_of_stochastic_solution=gain,

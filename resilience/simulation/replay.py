@@ -30,6 +30,7 @@ from resilience.models.program.form import Form
 from resilience.models.program.referee import Audit, audit
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
+from resilience.models.structures import Largest
 
 
 class Labelled(Protocol):
@@ -159,7 +160,7 @@ class _StateUpdate:
         self.maxima = [
             (form.matrix(s.args[0]).indices, [(form.matrix(x), x.const) for x in s.args[1:]])
             for s in form.stage.structures
-            if s.kind == "largest"
+            if isinstance(s, Largest)
         ]
 
     def _row(self, a: sp.csr_array, equality: Floats, k: int) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from resilience.models.backends.base import Backend, Solution
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Structure
 from resilience.testing.tiny import TINY, TinyProgram
 from resilience.testing.tiny_linear import CUTS
 from resilience.tolerances import RELAXATION_TOLERANCE
@@ -28,8 +29,8 @@ CHANGED_DATA: dict[str, dict[str, float]] = {
 def check_backend(
     make_backend: BackendFactory,
     *,
-    exact: Collection[str] | None = None,
-    relaxed: Collection[str] = (),
+    exact: Collection[type[Structure]] | None = None,
+    relaxed: Collection[type[Structure]] = (),
     tolerance: float = 2e-6,
 ) -> tuple[str, ...]:
     """Holds a backend against every tiny program that it can take.
@@ -43,7 +44,8 @@ def check_backend(
         make_backend: builds the backend for a program.
         exact: structures that it holds, where that depends on its options; `Backend.exact` if
             omitted.
-        relaxed: structures that it relaxes, so that it proves a bound.
+        relaxed: structures that it relaxes, as it then does integers that it does not hold, so that
+            it proves a bound.
         tolerance: of objectives, $.
 
     Returns:
@@ -52,13 +54,15 @@ def check_backend(
     Raises:
         AssertionError: the first thing that is wrong, with program, value and what is allowed.
     """
-    exact_kinds = frozenset(exact or make_backend(TINY["affine"]().standard).exact)
+    probe = make_backend(TINY["affine"]().standard)
+    exact_kinds = frozenset(exact or probe.exact)
     names = []
     for name, build in TINY.items():
         tiny = build()
-        if tiny.needs <= exact_kinds:
+        holds_integers = probe.integers or not tiny.integers
+        if tiny.needs <= exact_kinds and holds_integers:
             _check_optimum(tiny, make_backend, tolerance)
-        elif tiny.needs <= exact_kinds | set(relaxed):
+        elif tiny.needs <= exact_kinds | set(relaxed) and (holds_integers or relaxed):
             _check_bound(tiny, make_backend, tolerance)
         else:
             continue

@@ -14,6 +14,7 @@ from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
+from resilience.models.structures import Structure
 
 Values = Mapping[str, Any]
 
@@ -26,20 +27,22 @@ class TinyProgram:
         name: of the program.
         standard: the program in standard form.
         optimum: $, derived on paper.
-        needs: kinds of structures in it, and `affine` and `integer`.
+        needs: structures in it.
         data: (labels, nodes) by name.
         x0: (labels,) states at the start, by name.
         relaxed: $, optimum of the linear or conic relaxation; None where nothing is relaxed or it
             is not known.
+        integers: whether it has some.
     """
 
     name: str
     standard: Standard
     optimum: float
-    needs: Set[str] = frozenset({"affine"})
+    needs: Set[type[Structure]] = frozenset()
     data: Values = field(default_factory=dict)
     x0: Values = field(default_factory=dict)
     relaxed: float | None = None
+    integers: bool = False
 
     @property
     def vectors(self) -> Vectors:

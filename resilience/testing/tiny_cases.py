@@ -7,12 +7,13 @@ import numpy as np
 from resilience.case import Case
 from resilience.models.case_program import horizon
 from resilience.models.microgrid import Physics
+from resilience.models.structures import Cone, Split, Structure
 from resilience.testing.cases import small_case
 from resilience.testing.tiny import TinyProgram, tiny_program
 
 
 def case_program(
-    name: str, case: Case, physics: Physics, optimum: float, needs: set[str]
+    name: str, case: Case, physics: Physics, optimum: float, structure: type[Structure]
 ) -> TinyProgram:
     """A case's horizon, whose relaxation has the same optimum."""
     program = horizon(case, physics)
@@ -20,7 +21,7 @@ def case_program(
         name,
         program.standard,
         optimum,
-        needs,
+        {structure},
         program.data,
         program.x0,
         relaxed=optimum,
@@ -51,7 +52,7 @@ def island() -> TinyProgram:
         ess=[{**BATTERY, "soc_initial": 0.5}],
     )
     optimum = 0.2 * served + 1.5 * (4.0 - served)
-    return case_program("island", case, "copperplate", optimum, {"affine", "split"})
+    return case_program("island", case, "copperplate", optimum, Split)
 
 
 @tiny_program
@@ -70,7 +71,7 @@ def precharge() -> TinyProgram:
         grid=[{"import_max_mw": 9.0, "export_max_mw": 9.0, "import_cost_per_mwh": 0.3}],
     )
     optimum = 0.3 * (2.0 + 2.0 * 1.001 / 0.999) + 0.2 * 2.0
-    return case_program("precharge", case, "copperplate", optimum, {"affine", "split"})
+    return case_program("precharge", case, "copperplate", optimum, Split)
 
 
 @tiny_program
@@ -91,4 +92,4 @@ def feeder() -> TinyProgram:
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
     )
     optimum = 1.0 + r * current
-    return case_program("feeder", case, "distflow", optimum, {"affine", "cone"})
+    return case_program("feeder", case, "distflow", optimum, Cone)

@@ -6,6 +6,7 @@ import numpy as np
 
 from resilience.models.language.stage import Stage
 from resilience.models.program.standard import Standard
+from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split
 from resilience.testing.tiny import TinyProgram, one_node, tiny_program
 
 
@@ -23,7 +24,7 @@ def split() -> TinyProgram:
         "split",
         one_node(stage),
         -4.5,
-        {"affine", "split"},
+        {Split},
         data={"limit": [1.0, 0.5]},
         relaxed=-7.5,
     )
@@ -47,7 +48,7 @@ def adjacent_concave() -> TinyProgram:
     Without adjacency the chord from 0 to 2, slope 2, is used: 2.
     """
     standard = curve([(0.0, 0.0), (1.0, 3.0), (2.0, 4.0)], price=2.5)
-    return TinyProgram("adjacent_concave", standard, 2.5, {"affine", "adjacent"}, relaxed=2.0)
+    return TinyProgram("adjacent_concave", standard, 2.5, {Adjacent}, relaxed=2.0)
 
 
 @tiny_program
@@ -56,7 +57,7 @@ def adjacent_convex() -> TinyProgram:
     Convex, so that adjacency holds by itself.
     """
     standard = curve([(0.0, 0.0), (0.5, 0.5), (2.0, 5.0)], price=2.0)
-    return TinyProgram("adjacent_convex", standard, 1.5, {"affine", "adjacent"}, relaxed=1.5)
+    return TinyProgram("adjacent_convex", standard, 1.5, {Adjacent}, relaxed=1.5)
 
 
 @tiny_program
@@ -68,7 +69,7 @@ def cone_tight() -> TinyProgram:
     stage.eq("x", x, 2.0)
     stage.cone("flow", u, v, x)
     stage.cost("all", u + v)
-    return TinyProgram("cone_tight", one_node(stage), 4.0, {"affine", "cone"}, relaxed=4.0)
+    return TinyProgram("cone_tight", one_node(stage), 4.0, {Cone}, relaxed=4.0)
 
 
 @tiny_program
@@ -81,7 +82,7 @@ def cone_open() -> TinyProgram:
     stage.eq("y", y, -0.8)
     stage.cone("flow", u, v, x, y)
     stage.cost("u", u, -1.0)
-    return TinyProgram("cone_open", one_node(stage), -2.0, {"affine", "cone"}, relaxed=-3.0)
+    return TinyProgram("cone_open", one_node(stage), -2.0, {Cone}, relaxed=-3.0)
 
 
 def on_a_disc(x_cost: float, y_cost: float, optimum: float, name: str) -> TinyProgram:
@@ -90,7 +91,7 @@ def on_a_disc(x_cost: float, y_cost: float, optimum: float, name: str) -> TinyPr
     x, y = (stage.var(name, ["a"], -5.0, 5.0) for name in "xy")
     stage.disc("rating", 2.0, x, y)
     stage.cost("all", x * x_cost + y * y_cost)
-    return TinyProgram(name, one_node(stage), optimum, {"affine", "disc"})
+    return TinyProgram(name, one_node(stage), optimum, {Disc})
 
 
 @tiny_program
@@ -116,7 +117,7 @@ def largest() -> TinyProgram:
     stage.largest("y", y, 2.0 - a, a, a * 0.0)
     stage.cost("y", y[[0]])
     stage.cost("a", a, 0.1)
-    return TinyProgram("largest", one_node(stage), 1.1, {"affine", "largest"})
+    return TinyProgram("largest", one_node(stage), 1.1, {Largest})
 
 
 @tiny_program
@@ -132,8 +133,8 @@ def knapsack() -> TinyProgram:
         "knapsack",
         one_node(stage),
         -8.0,
-        {"affine", "integer"},
         relaxed=-8.0 - 4.0 / 3.0,
+        integers=True,
     )
 
 
@@ -144,7 +145,7 @@ def counts() -> TinyProgram:
     x = stage.var("x", ["a"], 0.0, 4.0, unit="1", integer=True)
     stage.le("room", x * 2.0, 5.0)
     stage.cost("x", x, -1.0)
-    return TinyProgram("counts", one_node(stage), -2.0, {"affine", "integer"}, relaxed=-2.5)
+    return TinyProgram("counts", one_node(stage), -2.0, relaxed=-2.5, integers=True)
 
 
 @tiny_program
@@ -159,7 +160,7 @@ def switch() -> TinyProgram:
         stage.switch(f"{name}.switch", z, on, 2.0)
         stage.cost(f"{name}.on", on, 1.5)
     stage.cost("worth", x - y)
-    return TinyProgram("switch", one_node(stage), 0.0, {"affine", "integer"}, relaxed=-0.5)
+    return TinyProgram("switch", one_node(stage), 0.0, relaxed=-0.5, integers=True)
 
 
 def on_a_shifted_disc(x_cost: float, optimum: float, name: str) -> TinyProgram:
@@ -168,7 +169,7 @@ def on_a_shifted_disc(x_cost: float, optimum: float, name: str) -> TinyProgram:
     x, y = (stage.var(name, ["a"], -5.0, 5.0) for name in "xy")
     stage.disc("rating", 2.0, x + 1.0, y)
     stage.cost("x", x, x_cost)
-    return TinyProgram(name, one_node(stage), optimum, {"affine", "disc"})
+    return TinyProgram(name, one_node(stage), optimum, {Disc})
 
 
 @tiny_program
@@ -192,7 +193,7 @@ def one_cone(
     v = stage.var("v", ["a"], 0.5, 9.0)
     stage.cone("flow", fixed[0], v, fixed[1])
     stage.cost("v", v, worth)
-    return TinyProgram(name, one_node(stage), optimum, {"affine", "cone"}, relaxed=relaxed)
+    return TinyProgram(name, one_node(stage), optimum, {Cone}, relaxed=relaxed)
 
 
 @tiny_program

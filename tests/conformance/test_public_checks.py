@@ -18,16 +18,17 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Cone, Disc, Split
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 from resilience.testing import TINY, check_backend, check_dispatcher, small_world
 
-CURVED = {"disc", "cone"}
+CURVED = {Disc, Cone}
 BACKENDS: dict[str, tuple[Callable[[Standard], Any], dict[str, Any]]] = {
     "highs": (Highs, {}),
     "pyomo-highs": (Pyomo, {"exact": Pyomo.exact - CURVED}),
     "pyomo-scip": (lambda standard: Pyomo(standard, solver="scip"), {}),
-    "conic": (Conic, {"relaxed": {"cone", "split", "adjacent", "integer"}}),
+    "conic": (Conic, {"relaxed": Conic.relaxed}),
     "nlp": (NLP, {}),
 }
 
@@ -106,7 +107,7 @@ def test_a_backend_that_is_wrong_is_caught(backend: type[Highs], complaint: str)
 
 def test_a_relaxation_that_is_called_exact_is_caught() -> None:
     with pytest.raises(AssertionError, match="split: objective"):
-        check_backend(Conic, exact=Conic.exact | {"split"})
+        check_backend(Conic, exact=Conic.exact | {Split})
 
 
 @pytest.mark.parametrize("name", DISPATCHERS)

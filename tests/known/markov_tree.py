@@ -128,8 +128,7 @@ class Written:
     def solve(self, energy: Floats, sun: float) -> Solution:
         each = [data(self.world, n.mode, n.outcome, sun) for n in self.nodes]
         joined = {k: np.concatenate([part[k] for part in each], axis=1) for k in each[0]}
-        relaxed = np.zeros(self.standard.n_columns, bool)
-        solver = Highs(lower(self.standard, integer=relaxed, exact={}))
+        solver = Highs(lower(self.standard, integer="none", modes={}))
         solver.update(self.standard.vectors(joined, {"ess.energy": energy}))
         return solver.solve()
 

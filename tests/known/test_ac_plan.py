@@ -8,7 +8,7 @@ import pytest
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.models.backends.cvxpy import Conic
-from resilience.models.methods.answer import widest
+from resilience.models.methods.answer import worst_violation
 from resilience.testing import small_case
 from tests.known.solving import Solved, power, solved
 
@@ -91,7 +91,7 @@ def test_where_surplus_is_free_the_relaxation_alone_is_no_power_flow() -> None:
     solver = Conic(problem.standard)
     solver.update(problem.vectors)
     plain = solver.solve()
-    assert widest(problem.standard, plain.point) > 1e-3
+    assert worst_violation(problem.standard, plain.point) > 1e-3
     assert plain.objective == pytest.approx(0.0, abs=1e-6)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from resilience.case import Case, load_case
 from resilience.models.case_program import horizon
-from resilience.models.methods.conic import completed, relaxation
+from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -77,7 +77,7 @@ def enumerated(case: Case) -> float:
         vectors = problem.vectors.fixed(on.ravel(), np.array(schedule))
         found = relaxation(problem, vectors)
         if found.z is not None and found.bound < best:
-            best = min(best, completed(problem, found, vectors, 5.0).objective)
+            best = min(best, with_all_held(problem, found, vectors, 5.0).objective)
     return best
 
 

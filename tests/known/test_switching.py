@@ -8,7 +8,7 @@ import pytest
 
 from resilience.case import Case
 from resilience.models.case_program import horizon
-from resilience.models.methods.start import mended
+from resilience.models.methods.start import with_switches_held
 from resilience.testing import small_case
 from tests.known.feeder33 import LOAD_MW, case33
 from tests.known.solving import Solved, solved
@@ -158,7 +158,7 @@ CASES = {"tied": tied, "ring": two_sources, "33": faulted33}
 def test_a_mended_topology_is_a_forest_close_to_the_one_before(name: str) -> None:
     """The fallback without search: what is closed stays closed, and few ties are added."""
     problem = horizon(CASES[name]())
-    vectors = mended(problem)
+    vectors = with_switches_held(problem)
     at = problem.standard.columns("line.closed")
     assert (vectors.lower[at] == vectors.upper[at]).all()
     z = np.zeros(problem.standard.n_columns)
@@ -183,4 +183,4 @@ def test_mending_closes_no_tie_between_two_sources() -> None:
     )
     case.source["network"]["line"][0]["in_service"] = False
     problem = horizon(case.replace(description="the tie is open at the start"))
-    assert mended(problem).upper[problem.standard.columns("line.closed")].sum() == 0.0
+    assert with_switches_held(problem).upper[problem.standard.columns("line.closed")].sum() == 0.0

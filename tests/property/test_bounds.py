@@ -46,8 +46,7 @@ def feeder(physics: Physics) -> CaseProgram:
 @cache
 def linear() -> tuple[CaseProgram, Highs, Solution]:
     problem = feeder("lindistflow")
-    nothing = np.zeros(problem.standard.n_columns, bool)
-    solver = Highs(lower(problem.standard, integer=nothing, exact={}, discs="outer"))
+    solver = Highs(lower(problem.standard, integer="none", modes={}, discs="outer"))
     solver.update(problem.vectors)
     return problem, solver, solver.solve()
 

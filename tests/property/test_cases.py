@@ -17,6 +17,7 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.referee import audit, settle
+from resilience.models.structures import Mode, Split
 from resilience.testing import case_optimum, small_case
 from tests.property.random_cases import dearer, documents, number, quick
 
@@ -49,8 +50,7 @@ def test_a_relaxation_costs_at_most_what_the_exact_model_costs(
     problem = horizon(small_case(**document), physics)
     found = exact(problem)
     assume(found.status == "optimal")
-    nothing = np.zeros(problem.standard.n_columns, bool)
-    loose = Highs(lower(problem.standard, integer=nothing, exact={}))
+    loose = Highs(lower(problem.standard, integer="none", modes={}))
     assert solve(loose, problem).objective <= found.objective + 1e-7
     conic = solve(Conic(problem.standard), problem)
     assert conic.bound <= found.objective + 1e-7
@@ -69,7 +69,7 @@ def test_the_cone_relaxation_is_below_the_ac_equations(document: dict[str, Any])
     assume(found.status == "optimal")
     note(f"bound {bound.bound}, AC {found.objective}")
     assert bound.bound <= found.objective + 1e-6
-    modes = {s.name for s in problem.standard.structures if s.kind == "split"}
+    modes = {s.name for s in problem.standard.structures_of(Split).values()}
     assert set(breaks(problem, found)) <= modes
 
 
@@ -92,7 +92,7 @@ def test_pyomo_and_direct_highs_agree_and_the_referee_accepts_both(
 @given(documents())
 def test_the_referee_accepts_what_conic_and_nlp_hold(document: dict[str, Any]) -> None:
     problem = horizon(small_case(**document), "lindistflow")
-    modes = {s.name for s in problem.standard.structures if s.kind in ("split", "adjacent")}
+    modes = {s.name for s in problem.standard.structures_of(Mode).values()}
     for backend in (Conic, NLP):
         found = solve(backend(problem.standard), problem)
         assume(found.z is not None)

@@ -124,7 +124,7 @@ def test_economic_recourse_is_the_optimum_of_every_slot(case: Case, seed: int) -
     step: Step = simulator.step(*seen.all)
     assert_sound(simulator, seen, step)
     problem = unroll([simulator.microgrid.stage(1.0)], Tree.chain(["now"]))
-    solver = Highs(lower(problem, exact={}))
+    solver = Highs(lower(problem, modes={}))
     low, high = simulator.limits(seen.energy, seen.data)
     asked, done = np.clip(seen.action, low, high), step.charge - step.discharge
     for k in range(MEMBERS):

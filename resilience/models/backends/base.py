@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
+from resilience.errors import UsageError
 from resilience.models.program.standard import Standard, Vectors, reach
+from resilience.models.structures import Structure
 from resilience.tolerances import CROSSED_BOUNDS_TOLERANCE
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
@@ -56,7 +59,10 @@ INFEASIBLE = Solution("infeasible", None, np.inf, np.inf)
 class Backend(Protocol):
     """A solver that is built once and re-solved by changing vectors."""
 
-    exact: frozenset[str]
+    exact: frozenset[type[Structure]]
+    """The structures that it holds exactly; what else it knows, it relaxes."""
+    integers: bool
+    """Whether it holds integers."""
 
     def update(self, vectors: Vectors) -> None:
         """Takes new bounds, right-hand sides and costs."""
@@ -69,6 +75,26 @@ class Backend(Protocol):
 
     def solve(self) -> Solution:
         """Solves what was last given to `update`."""
+
+
+def refuse_unknown(standard: Standard, subject: str, allowed: Collection[type[Structure]]) -> None:
+    """Raises where a program has a structure that something does not know how to state.
+
+    Args:
+        standard: the program.
+        subject: who would have to state it, as in "a linear program".
+        allowed: what that can state or relax.
+
+    Raises:
+        UsageError: there is such a structure; it is named.
+    """
+    for unrolled in standard.structures:
+        if type(unrolled.structure) not in allowed:
+            raise UsageError(
+                f"{subject} cannot hold the {unrolled.structure.title} {unrolled.name!r}; "
+                f"allowed: {', '.join(sorted(kind.title for kind in allowed))}",
+                hint="state it in the backend's table of structures, or use another backend",
+            )
 
 
 def leaf_rows(states: Ints, future: int, beta: Floats) -> tuple[Ints, Floats]:

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.backends.base import INFEASIBLE, NOTHING, LeafCuts, Solution, crossed
-from resilience.models.program.referee import row_violations, structure_violations
-from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.models.backends.base import (
+    INFEASIBLE,
+    NOTHING,
+    LeafCuts,
+    Solution,
+    crossed,
+    refuse_unknown,
+)
+from resilience.models.program.referee import row_violations
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import (
+    Adjacent,
+    Cone,
+    Disc,
+    Largest,
+    SecondOrder,
+    Split,
+    Structure,
+    UnrolledStructure,
+)
 from resilience.tolerances import COMPLEMENTARITY_TOLERANCE, CONFLICT_TOLERANCE, NLP_TOLERANCE
 
 WARM = {
@@ -32,13 +50,16 @@ class NLP:
         penalty: see `Conic`.
     """
 
-    exact = frozenset({"affine", "disc", "cone", "largest"})
+    exact: frozenset[type[Structure]] = frozenset({Disc, Cone, Largest})
+    relaxed: frozenset[type[Structure]] = frozenset({Split, Adjacent})
+    integers = False
     plugin = "ipopt"
 
     def __init__(
         self, standard: Standard, *, time_limit: float = np.inf, penalty: float = 0.0
     ) -> None:
         self.standard, self.time_limit, self.penalty = standard, time_limit, penalty
+        refuse_unknown(standard, "a nonlinear program", self.exact | self.relaxed)
         self.start: Floats | None = None
         self._cuts = LeafCuts(standard)
         self._cut_rows: list[tuple[Ints, Floats, Floats]] = []
@@ -117,22 +138,13 @@ class NLP:
             rows.append(ca.mtimes(ca.DM(values), z[columns.tolist()]))
             low.append(np.full(len(rhs), -np.inf))
             high.append(rhs)
-        for structure in standard.structures:
-            if structure.kind not in ("cone", "disc"):
-                continue
-            at = np.flatnonzero(_alive(structure, point, live))
-            args = [
-                _times(ca, m[at], z) + c[at]
-                for m, c in zip(structure.matrices, structure.consts, strict=True)
-            ]
-            if structure.kind == "cone":
-                rows.append(args[0] * args[1] - sum(x**2 for x in args[2:]))
-                low.append(np.zeros(len(at)))
-                high.append(np.zeros(len(at)))
-            else:
-                rows.append(sum(x**2 for x in args))
-                low.append(np.full(len(at), -np.inf))
-                high.append(structure.limits[0][at] ** 2)
+        for unrolled in standard.structures_of(SecondOrder).values():
+            part = unrolled.elements(np.flatnonzero(_alive(unrolled, point, live)))
+            args = [_times(ca, m, z) + c for m, c in zip(part.matrices, part.consts, strict=True)]
+            row, least, most = _QUADRATICS[type(unrolled.structure)](args, part.limits)
+            rows.append(row)
+            low.append(np.broadcast_to(least, len(part.consts[0])))
+            high.append(np.broadcast_to(most, len(part.consts[0])))
         return rows, low, high
 
 
@@ -141,22 +153,33 @@ def _moving(matrix: Any, live: Bools) -> Bools:
     return np.abs(matrix) @ live.astype(float) > 0.0
 
 
-def _alive(structure: Unrolled, point: Floats, live: Bools) -> Bools:
+def _cone(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, float]:
+    u, v, *xs = args
+    return u * v - sum(x**2 for x in xs), 0.0, 0.0
+
+
+def _disc(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, Floats]:
+    return sum(x**2 for x in args), -np.inf, limits[0] ** 2
+
+
+_QUADRATICS: dict[type[Structure], Callable[..., tuple[Any, float, float | Floats]]] = {
+    Cone: _cone,
+    Disc: _disc,
+}
+
+
+def _alive(unrolled: UnrolledStructure[Structure], point: Floats, live: Bools) -> Bools:
     """(elements,) whether something moves that the structure says anything about."""
-    moving = [_moving(m, live) for m in structure.matrices]
-    if structure.kind == "cone":
-        moving[1] &= structure.values(point)[0] != 0.0  # 0 v = sum(x^2) leaves v free
-    return np.any(moving, axis=0)
+    moving = [_moving(m, live) for m in unrolled.matrices]
+    return unrolled.structure.bound_arguments(moving, unrolled.values(point))
 
 
 def _broken(standard: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
     """Whether what is fixed breaks a row or a structure all by itself."""
-    found = [row_violations(standard, point, v)[~_moving(standard.a, live)]]
-    for structure in standard.structures:
-        if structure.kind in ("cone", "disc"):
-            at = ~_alive(structure, point, live)
-            found.append(structure_violations(structure, point)[at])
-    return bool(np.concatenate(found).max(initial=0.0) > CONFLICT_TOLERANCE)
+    violations = [row_violations(standard, point, v)[~_moving(standard.a, live)]]
+    for unrolled in standard.structures_of(SecondOrder).values():
+        violations.append(unrolled.violation(point)[~_alive(unrolled, point, live)])
+    return bool(np.concatenate(violations).max(initial=0.0) > CONFLICT_TOLERANCE)
 
 
 def _times(ca: Any, matrix: Any, z: Any) -> Any:

@@ -19,9 +19,19 @@ from resilience.models.backends.base import (
     Solution,
     Status,
     crossed,
+    refuse_unknown,
 )
-from resilience.models.program.dual_bound import cone_rows, cone_share, safe_bound
+from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import (
+    Adjacent,
+    Cone,
+    Disc,
+    Largest,
+    SecondOrder,
+    Split,
+    Structure,
+)
 from resilience.tolerances import CONFLICT_TOLERANCE
 
 
@@ -38,12 +48,16 @@ class Conic:
         elastic: lets every row be missed at this price in $ per unit; for explanations.
     """
 
-    exact = frozenset({"affine", "disc", "largest"})
+    exact: frozenset[type[Structure]] = frozenset({Disc, Largest})
+    relaxed: frozenset[type[Structure]] = frozenset({Cone, Split, Adjacent})
+    integers = False
 
     def __init__(
         self, standard: Standard, *, penalty: float = 0.0, elastic: float | None = None
     ) -> None:
         self.standard, self.penalty, self.elastic = standard, penalty, elastic
+        refuse_unknown(standard, "the conic relaxation", self.exact | self.relaxed)
+        self._second_order = standard.structures_of(SecondOrder)
         self._cuts = LeafCuts(standard)
         self._rows = sp.csr_array((0, standard.n_columns)), np.empty(0)
 
@@ -116,10 +130,8 @@ class Conic:
             x >= v.lower[free],
             x <= v.upper[free],
         ]
-        for structure in self.standard.structures:
-            if structure.kind not in ("cone", "disc"):
-                continue
-            matrices, consts = cone_rows(structure)
+        for unrolled in self._second_order.values():
+            matrices, consts = unrolled.structure.second_order(unrolled)
             t, *xs = [
                 m.tocsc()[:, free] @ x + (m @ held + c)
                 for m, c in zip(matrices, consts, strict=True)
@@ -135,8 +147,7 @@ class Conic:
         rows = np.zeros(len(equal))
         rows[equal], rows[~equal] = (c.dual_value for c in constraints[:2])
         cones: dict[int, Floats] = {}
-        kinds = [k for k, s in enumerate(standard.structures) if s.kind in ("cone", "disc")]
-        for k, constraint in zip(kinds, constraints[4:], strict=True):
+        for k, constraint in zip(self._second_order, constraints[4:], strict=True):
             t, xs = constraint.dual_value
             cones[k] = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
         value = float(v.cost @ z + v.offset)

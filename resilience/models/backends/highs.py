@@ -16,6 +16,7 @@ from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.referee import row_violations
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Adjacent, Largest, Split, Structure
 from resilience.tolerances import CONFLICT_TOLERANCE
 
 ROWWISE = int(highspy.MatrixFormat.kRowwise)
@@ -45,7 +46,8 @@ class Highs:
         duals: whether an LP's solution carries its multipliers; loops save by not asking.
     """
 
-    exact = frozenset({"affine", "integer", "split", "adjacent", "largest"})
+    exact: frozenset[type[Structure]] = frozenset({Split, Adjacent, Largest})
+    integers = True
 
     def __init__(
         self,

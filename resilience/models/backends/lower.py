@@ -1,32 +1,54 @@
 """Rewrites structures as rows and binaries, for solvers that know nothing else.
 
-split     pos <= limit_0 b, neg <= limit_1 (1 - b), b binary
-adjacent  w_k <= b_(k-1) + b_k, sum b = 1, b binary
-disc      polygon with `SIDES` sides, around the disc (a relaxation) or within it (a restriction)
-cone      left out (a relaxation); rows that touch it can be added with `tangents`
-largest   left to the rows y >= x (exact: a smaller y is never worse; see `referee.settle`)
+Each class says how (`resilience.models.structures`): modes get binaries where they are wanted, a
+disc becomes a polygon around it (a relaxation) or within it (a restriction), a cone is left out (a
+relaxation; rows that touch it can be added with `tangents`), and a maximum is left to its rows.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.models.backends.base import refuse_unknown
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import (
+    Adjacent,
+    Cone,
+    Disc,
+    Discs,
+    Largest,
+    Mode,
+    Split,
+    Structure,
+    UnrolledStructure,
+)
+from resilience.models.structures.base import BinaryRows
+from resilience.models.structures.disc import INNER
 
-SIDES = 12  # even: opposite sides share a row
-Discs = Literal["inner", "outer"]
+Integers = Literal["all", "none"]
 
 
 @dataclass
 class Lowered:
-    """A mixed-integer linear problem whose first columns are those of the problem lowered.
+    """A mixed-integer linear program whose first columns are those of the program lowered.
 
-    Rows behind the problem's own, and binaries behind its columns, have constant bounds.
+    Rows behind the program's own, and binaries behind its columns, have constant bounds.
+
+    Attributes:
+        standard: what was lowered.
+        a: (rows, columns) of all rows and columns.
+        integer: (columns,) which are held integer.
+        rhs: (added rows,) right-hand sides; of a polygon its radius.
+        equality: (added rows,) whether they are equations.
+        disc_rows: which of the added rows are sides of polygons.
+        disc_shift: (sides,) share of the constants in what a side bounds.
+        discs: whether polygons lie within their discs or around them; may be changed.
     """
 
     standard: Standard
@@ -39,13 +61,12 @@ class Lowered:
     discs: Discs = "inner"
 
     def vectors(self, vectors: Vectors) -> Vectors:
-        """The problem's vectors with those of the added rows and columns behind them."""
+        """The program's vectors with those of the added rows and columns behind them."""
         extra = self.a.shape[1] - len(vectors.cost)
         rhs, low = self.rhs.copy(), np.where(self.equality, self.rhs, -np.inf)
-        within = np.cos(np.pi / SIDES) if self.discs == "inner" else 1.0
-        reach = self.rhs[self.disc_rows] * within
-        low[self.disc_rows] = -reach - self.disc_shift
-        rhs[self.disc_rows] = reach - self.disc_shift
+        apothem = self.rhs[self.disc_rows] * (INNER if self.discs == "inner" else 1.0)
+        low[self.disc_rows] = -apothem - self.disc_shift
+        rhs[self.disc_rows] = apothem - self.disc_shift
         return Vectors(
             np.append(vectors.cost, np.zeros(extra)),
             vectors.offset,
@@ -58,133 +79,121 @@ class Lowered:
 
 @dataclass
 class _Rows:
-    """Grows row by row; columns past `n` are new binaries."""
+    """Grows row by row; columns past the program's own are new binaries."""
 
-    n: int
+    width: int
     blocks: list[sp.csr_array]
-    rhs: list[Floats]
-    equality: list[Bools]
+    rhs: list[Floats] = field(default_factory=list)
+    equality: list[Bools] = field(default_factory=list)
+    disc_rows: list[Ints] = field(default_factory=list)
+    disc_shift: list[Floats] = field(default_factory=list)
 
-    def add(self, block: sp.sparray, rhs: Floats, equality: bool = False) -> Ints:
+    def add(self, block: sp.csr_array, rhs: Floats, equality: bool = False) -> Ints:
+        """Adds rows; returns their numbers among the added ones."""
         start = sum(len(r) for r in self.rhs)
-        self.blocks.append(block.tocsr())
+        self.blocks.append(block)
         self.rhs.append(rhs)
         self.equality.append(np.full(len(rhs), equality))
         return start + np.arange(len(rhs))
 
     def matrix(self) -> sp.csr_array:
         for block in self.blocks:
-            block.resize(block.shape[0], self.n)
+            block.resize(block.shape[0], self.width)
         return sp.vstack(self.blocks, format="csr")
 
 
 def lower(
     standard: Standard,
     *,
-    integer: Bools | None = None,
-    exact: dict[int, Bools] | None = None,
+    integer: Bools | Integers = "all",
+    modes: Mapping[int, Bools] | None = None,
     discs: Discs = "inner",
 ) -> Lowered:
     """See the module's docstring.
 
     Args:
         standard: what to rewrite.
-        integer: (columns,) columns to hold integer; all of the problem's own if omitted.
-        exact: for the index of each split or adjacent structure, which elements (n,) get
-            binaries; all elements of all of them if omitted.
+        integer: (columns,) columns to hold integer; "all" of the program's own, or "none".
+        modes: for the index of each structure with modes, which elements (n,) get binaries; all
+            elements of all of them if omitted.
         discs: polygon within the disc or around it.
+
+    Raises:
+        UsageError: a structure is of a class that nobody has said how to rewrite.
     """
-    if exact is None:
-        exact = {k: np.ones(s.n, bool) for k, s in enumerate(standard.structures)}
-    rows = _Rows(standard.n_columns, [standard.a.copy()], [], [])
-    polygons = [(np.empty(0, np.intp), np.empty(0))]
-    for k, structure in enumerate(standard.structures):
-        if structure.kind == "disc":
-            polygons.append(_polygon(rows, structure))
-        elif structure.kind in ("split", "adjacent"):
-            chosen = np.flatnonzero(exact.get(k, np.zeros(structure.n, bool)))
-            if len(chosen):
-                (_sides if structure.kind == "split" else _neighbours)(rows, structure, chosen)
-    whole = np.zeros(rows.n, bool)
-    whole[: standard.n_columns] = standard.integer if integer is None else integer
-    whole[standard.n_columns :] = True
+    refuse_unknown(standard, "a linear program", _REWRITES)
+    rows = _Rows(standard.n_columns, [standard.a.copy()])
+    for k, unrolled in enumerate(standard.structures):
+        default = np.full(unrolled.n, modes is None)
+        chosen = default if modes is None else modes.get(k, default)
+        _REWRITES[type(unrolled.structure)](rows, unrolled, np.flatnonzero(chosen))
+    held = np.ones(rows.width, bool)
+    held[: standard.n_columns] = _integers(standard, integer)
     return Lowered(
         standard=standard,
         a=rows.matrix(),
-        integer=whole,
+        integer=held,
         rhs=np.concatenate([np.empty(0), *rows.rhs]),
         equality=np.concatenate([np.empty(0, bool), *rows.equality]),
-        disc_rows=np.concatenate([at for at, _ in polygons]),
-        disc_shift=np.concatenate([shift for _, shift in polygons]),
+        disc_rows=np.concatenate([np.empty(0, np.intp), *rows.disc_rows]),
+        disc_shift=np.concatenate([np.empty(0), *rows.disc_shift]),
         discs=discs,
     )
 
 
-def _entries(columns: list[Ints], values: list[Floats], width: int) -> sp.csr_array:
-    m = len(columns[0])
-    rows = np.tile(np.arange(m), len(columns))
-    data = np.concatenate([np.broadcast_to(v, (m,)) for v in values])
-    return sp.csr_array((data, (rows, np.concatenate(columns))), shape=(m, width))
+def _integers(standard: Standard, integer: Bools | Integers) -> Bools:
+    if isinstance(integer, str):
+        return standard.integer if integer == "all" else np.zeros(standard.n_columns, bool)
+    return integer
 
 
-def _sides(rows: _Rows, split: Unrolled, chosen: Ints) -> None:
-    pos, neg = split.columns[:, chosen]
-    up, down = (limit[chosen] for limit in split.limits)
-    b = rows.n + np.arange(len(chosen))
-    rows.n += len(chosen)
-    one, zero = np.ones(len(chosen)), np.zeros(len(chosen))
-    rows.add(_entries([pos, b], [one, -up], rows.n), zero)
-    rows.add(_entries([neg, b], [one, down], rows.n), down)
+def _modes(rows: _Rows, unrolled: UnrolledStructure[Mode], chosen: Ints) -> None:
+    if not len(chosen):
+        return
+    limits = [limit[chosen] for limit in unrolled.limits]
+    binaries, blocks = unrolled.structure.binaries(unrolled.columns[:, chosen], limits, rows.width)
+    rows.width += binaries
+    for block in blocks:
+        rows.add(_matrix(block, rows.width), block.right, block.equality)
 
 
-def _neighbours(rows: _Rows, adjacent: Unrolled, chosen: Ints) -> None:
-    weights = adjacent.columns[:, chosen]
-    m, one = len(chosen), np.ones(len(chosen))
-    segments = [rows.n + i * m + np.arange(m) for i in range(len(weights) - 1)]
-    rows.n += m * len(segments)
-    rows.add(_entries(segments, [one] * len(segments), rows.n), one, equality=True)
-    for i, weight in enumerate(weights):
-        around = segments[max(i - 1, 0) : i + 1]
-        values = [one] + [-one] * len(around)
-        rows.add(_entries([weight, *around], values, rows.n), np.zeros(m))
+def _matrix(block: BinaryRows, width: int) -> sp.csr_array:
+    n = len(block.right)
+    rows = np.tile(np.arange(n), len(block.columns))
+    data = np.concatenate([np.broadcast_to(value, (n,)) for value in block.values])
+    return sp.csr_array((data, (rows, np.concatenate(block.columns))), shape=(n, width))
 
 
-def _polygon(rows: _Rows, disc: Unrolled) -> tuple[Ints, Floats]:
-    """Rows  |normal . x| <= radius, each for two opposite sides, and the constants' share in x."""
-    if len(disc.matrices) != 2:
-        raise ValueError(f"{disc.name!r} has {len(disc.matrices)} arguments; a polygon needs two")
-    (first, second), (c1, c2) = disc.matrices, disc.consts
-    angle = 2 * np.pi * np.arange(SIDES // 2) / SIDES
-    normal = np.round((np.cos(angle), np.sin(angle)), 15)[:, :, None]  # no coefficients of 6e-17
-    block = sp.kron(normal[0], first, format="csr") + sp.kron(normal[1], second, format="csr")
-    shift = normal[0] * c1 + normal[1] * c2
-    return rows.add(block, np.tile(disc.limits[0], len(angle))), shift.ravel()
+def _polygon(rows: _Rows, unrolled: UnrolledStructure[Disc], chosen: Ints) -> None:
+    block, radius, shift = unrolled.structure.polygon(unrolled)
+    rows.disc_rows.append(rows.add(block, radius))
+    rows.disc_shift.append(shift)
+
+
+def _nothing(rows: _Rows, unrolled: UnrolledStructure[Structure], chosen: Ints) -> None:
+    """A cone is relaxed to nothing; the rows of a maximum are the stage's own."""
+
+
+_REWRITES: dict[type[Structure], Callable[[_Rows, UnrolledStructure[Any], Ints], None]] = {
+    Split: _modes,
+    Adjacent: _modes,
+    Disc: _polygon,
+    Cone: _nothing,
+    Largest: _nothing,
+}
 
 
 def tangents(standard: Standard, z: Floats, tolerance: float = 1e-3) -> tuple[sp.csr_array, Floats]:
     """Rows G z <= h that every cone u v >= sum(x^2) satisfies, touching it nearest to z.
 
-    |(2 x, u - v)| <= u + v is linearised at z; elements that hold with room to spare
-    (u v - sum x^2 > tolerance times its scale) are left out.
+    Elements that hold with room to spare (u v - sum x^2 > tolerance times its scale) are left out.
+    A negative tolerance leaves only those that z breaks.
     """
     blocks, sides = [sp.csr_array((0, standard.n_columns))], [np.empty(0)]
-    for cone in standard.structures:
-        if cone.kind != "cone":
-            continue
-        u, v, *xs = cone.values(z)
-        square = sum(x**2 for x in xs)
-        near = (u * v - square) <= tolerance * (1.0 + square)
-        sides_of = [2.0 * x for x in xs] + [u - v]
-        length = np.sqrt(sum(s**2 for s in sides_of))
-        keep = np.flatnonzero(near & (length > 1e-9))
-        scaled = [s[keep] / length[keep] for s in sides_of]
-        mu, mv, *mxs = (m[keep] for m in cone.matrices)
-        cu, cv, *cxs = (c[keep] for c in cone.consts)
-        block = mu.multiply((scaled[-1] - 1)[:, None]) - mv.multiply((scaled[-1] + 1)[:, None])
-        rhs = -(scaled[-1] - 1) * cu + (scaled[-1] + 1) * cv
-        for s, mx, cx in zip(scaled, mxs, cxs, strict=False):
-            block = block + mx.multiply(2.0 * s[:, None])
-            rhs = rhs - 2.0 * s * cx
-        blocks.append(block.tocsr())
-        sides.append(rhs)
+    for unrolled in standard.structures_of(Cone).values():
+        cone = unrolled.structure
+        tight = unrolled.elements(cone.nearly_tight(unrolled, z, tolerance))
+        block, right = cone.tangents(tight, z)
+        blocks.append(block)
+        sides.append(right)
     return sp.vstack(blocks, format="csr"), np.concatenate(sides)

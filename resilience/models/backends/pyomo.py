@@ -10,9 +10,19 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.backends.base import NOTHING, LeafCuts, Solution
+from resilience.models.backends.base import NOTHING, LeafCuts, Solution, refuse_unknown
 from resilience.models.backends.lower import Lowered, lower
-from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import (
+    Adjacent,
+    Cone,
+    Disc,
+    Largest,
+    SecondOrder,
+    Split,
+    Structure,
+    UnrolledStructure,
+)
 
 Cones = Literal["equal", "relaxed"]
 FORMATS = {".lp": "lp", ".mps": "mps", ".nl": "nl"}
@@ -31,7 +41,8 @@ class Pyomo:
         gap: relative gap at which a solve stops.
     """
 
-    exact = frozenset({"affine", "integer", "split", "cone", "disc", "adjacent", "largest"})
+    exact: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Adjacent, Largest})
+    integers = True
 
     def __init__(
         self,
@@ -45,14 +56,15 @@ class Pyomo:
         self.lowered = standard if isinstance(standard, Lowered) else lower(standard)
         self.standard, self.solver, self.cones = self.lowered.standard, solver, cones
         self.time_limit, self.gap = time_limit, gap
-        if solver == "highs" and any(s.kind == "cone" for s in self.standard.structures):
+        refuse_unknown(self.standard, "pyomo", Pyomo.exact)
+        if solver == "highs" and self.standard.structures_of(Cone):
             raise UsageError(
                 "pyomo with HiGHS cannot hold the cones of distflow; allowed: lindistflow, "
                 "copperplate",
                 hint="use solver='scip'",
             )
         if solver == "highs":
-            self.exact = self.exact - {"cone", "disc"}
+            self.exact = self.exact - {Cone, Disc}
         self.late = LeafCuts(self.standard)
         self.model: Any = None
         self._sent: Vectors | None = None
@@ -161,28 +173,31 @@ class Pyomo:
         return self.standard.row_name(i) if i < n else f"lowered[{i - n}]"
 
     def _quadratics(self, pyo: Any) -> None:
-        for k, structure in enumerate(self.standard.structures):
-            if structure.kind not in ("cone", "disc"):
-                continue
+        state = {Cone: self._cone, Disc: self._disc}
+        for k, unrolled in self.standard.structures_of(SecondOrder).items():
+            kind = type(unrolled.structure)
             rows = pyo.ConstraintList()
-            self.model.add_component(f"{structure.kind}{k}_{_plain(structure.name)}", rows)
-            args = [self._expressions(structure, m) for m in range(len(structure.matrices))]
-            for i in range(structure.n):
-                each = [arg[i] for arg in args]
-                if structure.kind == "disc":
-                    rows.add(sum(x**2 for x in each) <= structure.limits[0][i] ** 2)
-                elif self.cones == "equal":
-                    rows.add(each[0] * each[1] == sum(x**2 for x in each[2:]))
-                else:
-                    rows.add(sum(x**2 for x in each[2:]) <= each[0] * each[1])
+            self.model.add_component(f"{kind.title}{k}_{_plain(unrolled.name)}", rows)
+            args = [self._expressions(unrolled, m) for m in range(len(unrolled.matrices))]
+            for i in range(unrolled.n):
+                limits = [limit[i] for limit in unrolled.limits]
+                rows.add(state[kind]([arg[i] for arg in args], limits))
 
-    def _expressions(self, structure: Unrolled, k: int) -> list[Any]:
-        m: sp.csr_array = structure.matrices[k]
+    def _cone(self, args: list[Any], limits: list[float]) -> Any:
+        u, v, *xs = args
+        square = sum(x**2 for x in xs)
+        return u * v == square if self.cones == "equal" else square <= u * v
+
+    def _disc(self, args: list[Any], limits: list[float]) -> Any:
+        return sum(x**2 for x in args) <= limits[0] ** 2
+
+    def _expressions(self, unrolled: UnrolledStructure[Structure], k: int) -> list[Any]:
+        m: sp.csr_array = unrolled.matrices[k]
         found = []
-        for i in range(structure.n):
+        for i in range(unrolled.n):
             at = slice(m.indptr[i], m.indptr[i + 1])
             terms = zip(m.data[at], m.indices[at], strict=True)
-            found.append(sum(w * self._vars[j] for w, j in terms) + structure.consts[k][i])
+            found.append(sum(w * self._vars[j] for w, j in terms) + unrolled.consts[k][i])
         return found
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:

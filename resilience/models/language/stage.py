@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, Labels
+from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split, Structure
 
 
 @dataclass(frozen=True)
@@ -57,25 +58,6 @@ class Cost:
     name: str
     term: Affine
     price: Affine
-
-
-@dataclass(frozen=True)
-class Structure:
-    """A named non-affine fact about expressions, elementwise over its labels.
-
-    kind        args               holds
-    split       pos, neg           pos * neg = 0, 0 <= pos <= limits[0], 0 <= neg <= limits[1]
-    cone        u, v, x1, x2, ...  u * v = sum(x^2)
-    disc        x1, x2, ...        sum(x^2) <= limits[0]^2
-    largest     y, x1, x2, ...     y = max(x)
-    adjacent    w1, w2, ...        at most two neighbouring w are not zero (SOS2)
-    """
-
-    name: str
-    kind: str
-    labels: Labels
-    args: tuple[Affine, ...]
-    limits: tuple[Floats, ...] = ()
 
 
 @dataclass
@@ -197,18 +179,18 @@ class Stage:
         """
         pos = self.var(f"{name}.{parts[0]}", of, 0.0, bounds[0], about=f"power, {parts[0]}")
         neg = self.var(f"{name}.{parts[1]}", of, 0.0, bounds[1], about=f"power, {parts[1]}")
-        most = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
-        self._structure(name, "split", (pos, neg), most)
+        constants = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
+        self.structure(Split, name, (pos, neg), constants)
         return pos, neg
 
     def cone(self, name: str, u: Affine, v: Affine, *xs: Affine) -> None:
         """`u * v = sum(x^2)` with u, v >= 0: the branch flow equation."""
-        self._structure(name, "cone", (u, v, *xs))
+        self.structure(Cone, name, (u, v, *xs))
 
     def disc(self, name: str, radius: ArrayLike, *xs: Affine) -> None:
         """`|(x1, x2, ...)| <= radius`: inverter and line ratings."""
         bound = np.broadcast_to(np.asarray(radius, float), (xs[0].n,))
-        self._structure(name, "disc", xs, (bound,))
+        self.structure(Disc, name, xs, (bound,))
 
     def switch(self, name: str, x: Affine, on: Affine, limit: ArrayLike) -> None:
         """`|x| <= limit * on` for a binary `on`: commitment, tie lines."""
@@ -219,7 +201,7 @@ class Stage:
         """`y = max(xs)`, where a smaller y is never worse: rows y >= x, made tight afterwards."""
         for k, x in enumerate(xs):
             self.le(f"{name}.above{k}", x, y)
-        self._structure(name, "largest", (y, *xs))
+        self.structure(Largest, name, (y, *xs))
 
     def piecewise(
         self, name: str, x: Affine, xs: Floats, ys: Floats, unit: str, total: Any = 1.0
@@ -239,20 +221,25 @@ class Stage:
             name, labels, np.minimum(ys.min(1), 0.0), np.maximum(ys.max(1), 0.0), unit=unit
         )
         self.eq(name + ".y", y, sum((w * ys[:, k] for k, w in enumerate(weights)), zero))
-        self._structure(name, "adjacent", tuple(weights))
+        self.structure(Adjacent, name, tuple(weights))
         return y
 
-    def _structure(
-        self, name: str, kind: str, args: tuple[Affine, ...], limits: tuple[Floats, ...] = ()
+    def structure(
+        self,
+        kind: type[Structure],
+        name: str,
+        args: tuple[Affine, ...],
+        limits: tuple[Floats, ...] = (),
     ) -> None:
+        """Adds a structure of any class; the methods above do it for those that we have.
+
+        Raises:
+            ValueError: arguments of different lengths, or with data in them.
+        """
         if args[0].n == 0:
             return
-        if any(arg.n != args[0].n for arg in args):
-            raise ValueError(f"structure {name!r}: its arguments are of different lengths")
-        if any(arg.has_data for arg in args):
-            raise ValueError(f"structure {name!r}: data may not enter a {kind}")
-        labels = next((a.labels for a in args if a.labels), _numbers(args[0].n))
-        self.structures.append(Structure(name, kind, labels, args, limits))
+        labels = next((arg.labels for arg in args if arg.labels), _numbers(args[0].n))
+        self.structures.append(kind(name, labels, args, limits))
 
     def _row(self, name: str, expression: Affine, equality: bool) -> None:
         if expression.n:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,16 +11,21 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.case_program import CaseProgram
-from resilience.models.program.referee import structure_violations
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Cone, Disc, Mode, Structure
 from resilience.tolerances import PLAN_GAP, RELAXATION_TOLERANCE
 
-LATE = "the time limit ended the search; this is the best plan found"
+OUT_OF_TIME = "the time limit ended the search; this is the best plan found"
 
 
 @dataclass(frozen=True)
 class MethodOptions:
-    """How long a method may take (s) and at which relative gap it may stop."""
+    """How long a method may take and when it may stop.
+
+    Attributes:
+        time_limit: seconds.
+        gap: relative gap at which it may stop.
+    """
 
     time_limit: float = 60.0
     gap: float = PLAN_GAP
@@ -30,7 +36,7 @@ class MethodResult:
     """A plan in numbers.
 
     Attributes:
-        status: optimal (within the gap asked for) or feasible (the best found in time).
+        status: optimal (within the gap wanted) or feasible (the best in time).
         z: (columns,) values.
         objective: $ at z.
         bound: proven lower bound in $, -inf where none.
@@ -48,64 +54,64 @@ class MethodResult:
     notes: list[str] = field(default_factory=list)
 
     @classmethod
-    def of(
-        cls, program: CaseProgram, found: Solution, bound: float, notes: list[str]
+    def from_solution(
+        cls, program: CaseProgram, solution: Solution, bound: float, notes: list[str]
     ) -> MethodResult:
-        """The answer that is the point of `found`, tested for what it leaves relaxed.
+        """The point of a solution, tested for what it leaves relaxed.
 
         A bound that solver tolerances put a hair above the objective is lowered to it.
         """
-        if bound - found.objective <= RELAXATION_TOLERANCE * (1.0 + abs(found.objective)):
-            bound = min(bound, found.objective)
+        objective = solution.objective
+        if bound - objective <= RELAXATION_TOLERANCE * (1.0 + abs(objective)):
+            bound = min(bound, objective)
         return cls(
-            status=found.status,
-            z=found.point,
-            objective=found.objective,
+            status=solution.status,
+            z=solution.point,
+            objective=objective,
             bound=bound,
             bound_of=program.microgrid.physics,
-            relaxed=remains(program.standard, found.point),
+            relaxed=broken_facts(program.standard, solution.point),
             notes=notes,
         )
 
 
 @dataclass
 class Deadline:
-    """How much of a time limit, in seconds, is spent and left."""
+    """How much of a time limit, in seconds, is spent and remains.
 
-    limit: float
+    Attributes:
+        limit_s: the limit, s.
+        began: reading of the clock when it was set, s.
+    """
+
+    limit_s: float
     began: float = field(default_factory=time.perf_counter)
 
     @property
-    def spent(self) -> float:
-        """Seconds since the clock was set."""
+    def spent_s(self) -> float:
+        """Seconds since it was set."""
         return time.perf_counter() - self.began
 
     @property
-    def left(self) -> float:
-        """Seconds left, never negative."""
-        return max(self.limit - self.spent, 0.0)
+    def remaining_s(self) -> float:
+        """Seconds that remain, never negative."""
+        return max(self.limit_s - self.spent_s, 0.0)
 
 
-def violated(standard: Standard, z: Floats) -> dict[int, Bools]:
-    """For each split and adjacent structure, the elements (n,) that z breaks."""
-    found = {}
-    for k, structure in enumerate(standard.structures):
-        if structure.kind in ("split", "adjacent"):
-            broken = structure_violations(structure, z) > RELAXATION_TOLERANCE
-            if broken.any():
-                found[k] = broken
-    return found
+def broken_modes(standard: Standard, z: Floats) -> dict[int, Bools]:
+    """For the index of each structure with modes, the elements (n,) that z breaks, if any."""
+    broken = {}
+    for k, unrolled in standard.structures_of(Mode).items():
+        elements = unrolled.violation(z) > RELAXATION_TOLERANCE
+        if elements.any():
+            broken[k] = elements
+    return broken
 
 
-def gaps(standard: Standard, z: Floats, kind: str) -> dict[str, Floats]:
-    """For each structure of a kind, by how much its elements (n,) fail to hold, scaled."""
-    return {s.name: structure_violations(s, z) for s in standard.structures if s.kind == kind}
-
-
-def widest(standard: Standard, z: Floats, kind: str = "cone") -> float:
-    """The largest of all `gaps`; 0 without structures of that kind."""
-    found = gaps(standard, z, kind).values()
-    return max((float(gap.max(initial=0.0)) for gap in found), default=0.0)
+def worst_violation(standard: Standard, z: Floats, kind: type[Structure] = Cone) -> float:
+    """The largest scaled violation of all structures of a class; 0 without any."""
+    unrolled = standard.structures_of(kind).values()
+    return max((float(s.violation(z).max(initial=0.0)) for s in unrolled), default=0.0)
 
 
 def fractional(standard: Standard, z: Floats) -> Bools:
@@ -113,44 +119,39 @@ def fractional(standard: Standard, z: Floats) -> Bools:
     return standard.integer & (np.abs(z - np.round(z)) > RELAXATION_TOLERANCE)
 
 
-def remains(standard: Standard, z: Floats) -> list[str]:
+def broken_facts(standard: Standard, z: Floats) -> list[str]:
     """In words, which relaxed facts z breaks; empty if it satisfies the whole model."""
-    found = []
-    for k, broken in violated(standard, z).items():
-        s = standard.structures[k]
-        found.append(f"{s.name}: {broken.sum()} of {s.n} mode elements are in two modes at once")
-    for kind, how in (("cone", "cones open"), ("disc", "ratings exceeded")):
-        for name, wide in gaps(standard, z, kind).items():
-            count = (wide > RELAXATION_TOLERANCE).sum()
-            if count:
-                found.append(f"{name}: {count} of {len(wide)} {how}, by {wide.max():.2g} at most")
+    facts = []
+    for kind in (Mode, Cone, Disc):
+        for unrolled in standard.structures_of(kind).values():
+            facts.append(unrolled.structure.shortfall(unrolled.violation(z), RELAXATION_TOLERANCE))
     loose = fractional(standard, z)
     if loose.any():
-        found.append(f"integrality: {loose.sum()} of {standard.integer.sum()} integers fractional")
-    return found
+        facts.append(f"integrality: {loose.sum()} of {standard.integer.sum()} integers fractional")
+    return [fact for fact in facts if fact]
 
 
-def rounded(program: CaseProgram, z: Floats) -> Vectors:
+def with_integers_held(program: CaseProgram, z: Floats) -> Vectors:
     """Vectors in which every integer column is held at its value in z."""
-    at = np.flatnonzero(program.standard.integer)
-    return program.vectors.fixed(at, np.round(z[at]))
+    columns = np.flatnonzero(program.standard.integer)
+    return program.vectors.fixed(columns, np.round(z[columns]))
 
 
-def sides(standard: Standard, z: Floats, elements: dict[int, Bools]) -> tuple[Ints, Floats]:
-    """Columns to hold at zero so that these elements keep to the mode in which z nearly is.
+def idle_columns(
+    standard: Standard, z: Floats, elements: Mapping[int, Bools]
+) -> tuple[Ints, Floats]:
+    """Columns to hold, and zeros, so that elements keep to the mode in which z nearly is.
 
-    Of a split that is its larger side, of a curve the two neighbours of greatest weight.
+    Args:
+        standard: the program.
+        z: (columns,) values.
+        elements: for the index of each structure with modes, which elements (n,) are meant.
     """
+    modes = standard.structures_of(Mode)
     columns = [np.empty(0, np.intp)]
     for k, chosen in elements.items():
-        at = standard.structures[k].columns[:, chosen]
-        weights = z[at]
-        if standard.structures[k].kind == "split":
-            columns.append(np.where(weights[0] >= weights[1], at[1], at[0]))
-        else:
-            first = np.argmax(weights[:-1] + weights[1:], axis=0)
-            place = np.arange(len(at))[:, None]
-            columns.append(at[(place < first) | (place > first + 1)])
+        places = modes[k].columns[:, chosen]
+        columns.append(modes[k].structure.idle_columns(places, z[places]))
     joined = np.concatenate(columns)
     return joined, np.zeros(len(joined))
 

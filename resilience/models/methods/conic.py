@@ -11,12 +11,12 @@ from resilience.models.methods.answer import (
     Deadline,
     MethodOptions,
     MethodResult,
-    sides,
-    violated,
-    widest,
+    broken_modes,
+    idle_columns,
+    worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.methods.start import LEAST
+from resilience.models.methods.start import FALLBACK_S
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
@@ -32,12 +32,12 @@ def root(program: CaseProgram, options: MethodOptions) -> Solution:
         SolverError: Clarabel gave up.
     """
     with phase("conic relaxation"):
-        found = relaxation(program, program.vectors)
-    if found.status == "infeasible":
+        solution = relaxation(program, program.vectors)
+    if solution.status == "infeasible":
         raise infeasible(program)
-    if found.z is None:
+    if solution.z is None:
         raise no_plan(program, "the conic relaxation", options)
-    return found
+    return solution
 
 
 def relaxation(program: CaseProgram, vectors: Vectors, penalty: float = 0.0) -> Solution:
@@ -47,75 +47,81 @@ def relaxation(program: CaseProgram, vectors: Vectors, penalty: float = 0.0) -> 
     return solver.solve()
 
 
-def closed(program: CaseProgram, found: Solution, vectors: Vectors) -> Solution:
+def with_cones_closed(program: CaseProgram, relaxed: Solution, vectors: Vectors) -> Solution:
     """The relaxation's point if its cones are closed, else one with a slight price on losses.
 
-    Where even that leaves cones open, the point with the narrowest is returned.
+    Where even that leaves cones open, the point whose cones are least open is returned.
     """
-    best, width = found, widest(program.standard, found.point)
+    best, width = relaxed, worst_violation(program.standard, relaxed.point)
     for penalty in PENALTIES:
         if width <= RELAXATION_TOLERANCE:
             break
         with phase("conic program", f"losses priced at {penalty:g} $/MW"):
             trial = relaxation(program, vectors, penalty)
-        if trial.z is not None and widest(program.standard, trial.z) < width:
-            best, width = trial, widest(program.standard, trial.z)
+        if trial.z is not None and worst_violation(program.standard, trial.z) < width:
+            best, width = trial, worst_violation(program.standard, trial.z)
     return best
 
 
 def ac_point(program: CaseProgram, start: Floats, vectors: Vectors, seconds: float) -> Solution:
     """The AC equations solved from `start`; a cold penalised start is tried where that fails."""
-    clock = Deadline(seconds)
+    deadline = Deadline(seconds)
     for penalty in (0.0, PENALTIES[0]):
-        solver = NLP(program.standard, time_limit=max(clock.left, LEAST), penalty=penalty)
+        time_limit = max(deadline.remaining_s, FALLBACK_S)
+        solver = NLP(program.standard, time_limit=time_limit, penalty=penalty)
         solver.update(vectors)
         if not penalty:
             solver.start_from(start)
         with phase("AC equations", "Ipopt"):
-            found = solver.solve()
-        if found.z is not None:
-            return found
+            solution = solver.solve()
+        if solution.z is not None:
+            return solution
     return NOTHING
 
 
-def in_one_mode(program: CaseProgram, found: Solution, vectors: Vectors) -> Vectors:
-    """Vectors in which every mode that `found` breaks is held to the one nearest to it."""
-    broken = violated(program.standard, found.point)
-    return vectors.fixed(*sides(program.standard, found.point, broken)) if broken else vectors
+def with_modes_held(program: CaseProgram, solution: Solution, vectors: Vectors) -> Vectors:
+    """Vectors in which every mode that a solution breaks is held to the one nearest to it."""
+    standard = program.standard
+    broken = broken_modes(standard, solution.point)
+    return vectors.fixed(*idle_columns(standard, solution.point, broken)) if broken else vectors
 
 
-def completed(program: CaseProgram, found: Solution, vectors: Vectors, seconds: float) -> Solution:
+def with_all_held(
+    program: CaseProgram, relaxed: Solution, vectors: Vectors, seconds: float
+) -> Solution:
     """From a point of the relaxation to one that holds every mode and cone, or nothing.
 
     Integers are as `vectors` hold them. `seconds` limit the AC equations, if they are needed.
     """
     standard = program.standard
-    point = closed(program, found, vectors)
-    one_mode = in_one_mode(program, point, vectors)
+    solution = with_cones_closed(program, relaxed, vectors)
+    one_mode = with_modes_held(program, solution, vectors)
     if one_mode is not vectors:
-        point = relaxation(program, one_mode)
-        if point.z is None:
+        solution = relaxation(program, one_mode)
+        if solution.z is None:
             return NOTHING
-        point = closed(program, point, one_mode)
-    if widest(standard, point.point) > RELAXATION_TOLERANCE:
-        point = ac_point(program, point.point, one_mode, seconds)
-    return NOTHING if point.z is None or violated(standard, point.z) else point
+        solution = with_cones_closed(program, solution, one_mode)
+    if worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
+        solution = ac_point(program, solution.point, one_mode, seconds)
+    if solution.z is None or broken_modes(standard, solution.z):
+        return NOTHING
+    return solution
 
 
 def socp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Cones as u v >= sum(x^2), modes and integers relaxed: a bound, and often a plan."""
-    found = root(program, options)
-    best = closed(program, found, program.vectors)
-    return MethodResult.of(program, best, found.bound, [])
+    relaxed = root(program, options)
+    best = with_cones_closed(program, relaxed, program.vectors)
+    return MethodResult.from_solution(program, best, relaxed.bound, [])
 
 
 def nlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """The AC equations exactly, integers relaxed; broken modes are held to their larger side."""
-    clock = Deadline(options.time_limit)
-    found = root(program, options)
-    start = closed(program, found, program.vectors)
-    vectors = in_one_mode(program, start, program.vectors)
-    polished = ac_point(program, start.point, vectors, clock.left)
+    deadline = Deadline(options.time_limit)
+    relaxed = root(program, options)
+    start = with_cones_closed(program, relaxed, program.vectors)
+    vectors = with_modes_held(program, start, program.vectors)
+    polished = ac_point(program, start.point, vectors, deadline.remaining_s)
     if polished.z is None:
-        raise no_plan(program, "Ipopt", options, late=clock.left <= 0)
-    return MethodResult.of(program, polished, found.bound, [])
+        raise no_plan(program, "Ipopt", options, late=deadline.remaining_s <= 0)
+    return MethodResult.from_solution(program, polished, relaxed.bound, [])

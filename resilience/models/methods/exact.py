@@ -14,17 +14,17 @@ from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
-    LATE,
+    OUT_OF_TIME,
     Deadline,
     MethodOptions,
     MethodResult,
+    broken_modes,
     gap,
-    rounded,
-    sides,
-    violated,
-    widest,
+    idle_columns,
+    with_integers_held,
+    worst_violation,
 )
-from resilience.models.methods.conic import completed, relaxation
+from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.progress import phase
 from resilience.tolerances import EXACT_GAP, RELAXATION_TOLERANCE
@@ -32,10 +32,18 @@ from resilience.tolerances import EXACT_GAP, RELAXATION_TOLERANCE
 
 @dataclass
 class ScipSearch:
-    """What is known so far; `modes` are the elements of splits and curves that have binaries."""
+    """What is known so far.
+
+    Attributes:
+        program: what to solve.
+        deadline: when to stop.
+        modes: for the index of each structure with modes, the elements (n,) that have binaries.
+        bound: lower bound, $.
+        best: the best plan so far.
+    """
 
     program: CaseProgram
-    clock: Deadline
+    deadline: Deadline
     modes: dict[int, Bools] = field(default_factory=dict)
     bound: float = -np.inf
     best: Solution = NOTHING
@@ -43,7 +51,7 @@ class ScipSearch:
     @property
     def done(self) -> bool:
         """Whether the best plan is proven, or time is up."""
-        return gap(self.best.objective, self.bound) <= EXACT_GAP or self.clock.left <= 0
+        return gap(self.best.objective, self.bound) <= EXACT_GAP or self.deadline.remaining_s <= 0
 
     def offer(self, plan: Solution) -> None:
         """Keeps a plan that is better than the best."""
@@ -70,7 +78,7 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
             hint='pip install "resilience[exact]"',
         )
     search = ScipSearch(program, Deadline(options.time_limit))
-    while _round(search):
+    while _held_more_modes(search):
         pass
     if not search.done:
         with phase("SCIP", "AC equations"):
@@ -82,50 +90,51 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
     proven = gap(search.best.objective, search.bound) <= EXACT_GAP
     status: Status = "optimal" if proven else "feasible"
     best = replace(search.best, status=status)
-    return MethodResult.of(program, best, search.bound, [] if proven else [LATE])
+    return MethodResult.from_solution(program, best, search.bound, [] if proven else [OUT_OF_TIME])
 
 
-def _round(search: ScipSearch) -> bool:
-    """The convex problem with the modes held so far; False when it leaves nothing to hold."""
+def _held_more_modes(search: ScipSearch) -> bool:
+    """Solves the convex program; False when its point leaves no mode to hold, or time is up."""
     standard = search.program.standard
     if standard.integer.any() or search.modes:
-        lowered = lower(standard, exact=search.modes)
+        lowered = lower(standard, modes=search.modes)
+        solver = Pyomo(lowered, solver="scip", cones="relaxed", gap=EXACT_GAP / 2)
         with phase("SCIP", "convex relaxation"):
-            found = _scip(search, Pyomo(lowered, solver="scip", cones="relaxed", gap=EXACT_GAP / 2))
+            relaxed = _scip(search, solver)
     else:
         with phase("conic relaxation"):
-            found = relaxation(search.program, search.program.vectors)
-    if found.status == "infeasible":
+            relaxed = relaxation(search.program, search.program.vectors)
+    if relaxed.status == "infeasible":
         raise infeasible(search.program)
-    search.bound = max(search.bound, found.bound)
-    if found.z is None:
+    search.bound = max(search.bound, relaxed.bound)
+    if relaxed.z is None:
         return False
-    search.offer(_plan(search, found))
+    search.offer(_plan(search, relaxed))
     new = False
-    for k, elements in violated(standard, found.z).items():
-        held = search.modes.get(k, np.zeros(len(elements), bool))
-        new |= bool((elements & ~held).any())
-        search.modes[k] = held | elements
+    for k, elements in broken_modes(standard, relaxed.z).items():
+        before = search.modes.get(k, np.zeros(len(elements), bool))
+        new |= bool((elements & ~before).any())
+        search.modes[k] = before | elements
     return new and not search.done
 
 
 def _scip(search: ScipSearch, solver: Pyomo) -> Solution:
-    solver.time_limit = max(search.clock.left, 1.0)
+    solver.time_limit = max(search.deadline.remaining_s, 1.0)
     solver.update(search.program.vectors)
-    found = solver.solve()
-    if found.status == "infeasible":
+    solution = solver.solve()
+    if solution.status == "infeasible":
         raise infeasible(search.program)
-    return found
+    return solution
 
 
-def _plan(search: ScipSearch, found: Solution) -> Solution:
-    """The point found with its cones closed and the solver's tolerances taken out."""
-    program, standard = search.program, search.program.standard
-    vectors = rounded(program, found.point)
-    vectors = vectors.fixed(*sides(standard, found.point, search.modes))
+def _plan(search: ScipSearch, relaxed: Solution) -> Solution:
+    """A relaxed point with its cones closed and the solver's tolerances taken out."""
+    program, standard, z = search.program, search.program.standard, relaxed.point
+    vectors = with_integers_held(program, z).fixed(*idle_columns(standard, z, search.modes))
     with phase("conic program"):
         point = relaxation(program, vectors)
-    best = NOTHING if point.z is None else completed(program, point, vectors, search.clock.left)
-    closed = widest(standard, found.point) <= RELAXATION_TOLERANCE
-    holds = closed and not violated(standard, found.point)
-    return found if best.z is None and holds else best
+    best = NOTHING
+    if point.z is not None:
+        best = with_all_held(program, point, vectors, search.deadline.remaining_s)
+    closed = worst_violation(standard, z) <= RELAXATION_TOLERANCE
+    return relaxed if best.z is None and closed and not broken_modes(standard, z) else best

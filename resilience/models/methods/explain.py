@@ -14,8 +14,8 @@ from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods.answer import MethodOptions
 
 PHYSICAL = ("balance.p", "balance.q", "line.voltage")
-SECONDS = 10.0  # for each of the two searches
-SHOWN = 8
+SEARCH_S = 10.0  # for each of the two searches
+MAX_LISTED = 8  # groups of conflicting rows in an error
 
 
 def infeasible(program: CaseProgram, names: Sequence[str] = ()) -> InfeasibleError:
@@ -24,10 +24,12 @@ def infeasible(program: CaseProgram, names: Sequence[str] = ()) -> InfeasibleErr
 
 
 def no_plan(
-    program: CaseProgram, what: str, options: MethodOptions, *, late: bool = True
+    program: CaseProgram, solver: str, options: MethodOptions, *, late: bool = True
 ) -> ResilienceError:
-    """The error where `what` found nothing: infeasible if that can be proven, else what conflicts
-    in the model without losses, else out of time (`late`).
+    """The error where a solver, named in words, ended without a plan.
+
+    Infeasible if that can be proven, else what conflicts in the model without losses, else out of
+    time (`late`).
     """
     names = _linear_conflict(program)
     if names:
@@ -36,11 +38,11 @@ def no_plan(
     also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
     if late and not lossless:
         return SolverError(
-            f"{what} found no plan within {options.time_limit:g} s",
+            f"{solver} found no plan within {options.time_limit:g} s",
             hint="raise --time-limit or use --method lp",
         )
     return SolverError(
-        f"{what} found no plan, though the cone relaxation has one{also}",
+        f"{solver} found no plan, though the cone relaxation has one{also}",
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
     )
 
@@ -54,8 +56,8 @@ def _named(program: CaseProgram, names: Sequence[str]) -> InfeasibleError:
 
 
 def _shown(groups: Sequence[str]) -> str:
-    more = f" and {len(groups) - SHOWN} more" if len(groups) > SHOWN else ""
-    return ", ".join(groups[:SHOWN]) + more or "no small set of rows could be named"
+    more = f" and {len(groups) - MAX_LISTED} more" if len(groups) > MAX_LISTED else ""
+    return ", ".join(groups[:MAX_LISTED]) + more or "no small set of rows could be named"
 
 
 def grouped(names: Sequence[str]) -> list[str]:
@@ -67,20 +69,21 @@ def grouped(names: Sequence[str]) -> list[str]:
     """
     slots: dict[tuple[str, str], list[str]] = {}
     for name in names:
-        what, _, place = name.rstrip("]").partition("[")
+        row, _, place = name.rstrip("]").partition("[")
         label, _, slot = place.rpartition(", ")
-        slots.setdefault((what, label or place), []).extend([slot] if label else [])
+        slots.setdefault((row, label or place), []).extend([slot] if label else [])
     alike: dict[tuple[str, str], list[str]] = {}
-    for (what, label), at in slots.items():
-        when = "" if not at else at[0] if len(at) == 1 else f"{at[0]} .. {at[-1]}"
-        alike.setdefault((what, when), []).append(label)
-    found = []
-    for (what, when), labels in sorted(alike.items(), key=lambda item: len(item[1])):
+    for (row, label), of_row in slots.items():
+        first, last = (of_row[0], of_row[-1]) if of_row else ("", "")
+        when = f"{first} .. {last}" if len(of_row) > 1 else first
+        alike.setdefault((row, when), []).append(label)
+    groups = []
+    for (row, when), labels in sorted(alike.items(), key=lambda item: len(item[1])):
         many = (
             f"{labels[0]} .. {labels[-1]} ({len(labels)})" if len(labels) > 2 else ", ".join(labels)
         )
-        found.append(f"{what}[{many}, {when}]" if when else f"{what}[{many}]".replace("[]", ""))
-    return found
+        groups.append(f"{row}[{many}, {when}]" if when else f"{row}[{many}]".replace("[]", ""))
+    return groups
 
 
 def conflict(program: CaseProgram, solver: Highs) -> list[str]:
@@ -96,9 +99,9 @@ def conflict(program: CaseProgram, solver: Highs) -> list[str]:
 def _linear_conflict(program: CaseProgram) -> list[str]:
     """What conflicts without the cones: all relaxed, else with integers and modes held."""
     standard = program.standard
-    relaxed = lower(standard, integer=standard.integer & False, exact={}, discs="outer")
+    relaxed = lower(standard, integer="none", modes={}, discs="outer")
     for lowered in (relaxed, lower(standard, discs="outer")):
-        solver = Highs(lowered, time_limit=SECONDS)
+        solver = Highs(lowered, time_limit=SEARCH_S)
         solver.update(program.vectors)
         if solver.solve().status == "infeasible":
             return conflict(program, solver)

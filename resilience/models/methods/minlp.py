@@ -29,13 +29,13 @@ from resilience.models.methods.answer import (
     Deadline,
     MethodOptions,
     MethodResult,
+    broken_modes,
     fractional,
     gap,
-    rounded,
-    sides,
-    violated,
+    idle_columns,
+    with_integers_held,
 )
-from resilience.models.methods.conic import completed, relaxation, root
+from resilience.models.methods.conic import relaxation, root, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
 from resilience.models.program.standard import Vectors
@@ -43,7 +43,7 @@ from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 ROUNDS = 20
-SHARE = 0.5  # of the time left that one MILP may take
+MILP_SHARE = 0.5  # of the time that remains that one MILP may take
 
 
 @dataclass
@@ -51,15 +51,19 @@ class ConicSearch:
     """What is known so far.
 
     Attributes:
+        program: what to solve.
+        options: when to stop.
+        deadline: when time is up.
         bound: lower bound for the whole problem.
         floor: lower bound for the commitments that were cut off.
-        modes: elements of splits and curves that need binaries.
+        best: the best plan so far.
+        modes: for the index of each structure with modes, the elements (n,) that need binaries.
         rows: tangents of cones and no-good cuts, as G z <= h.
     """
 
     program: CaseProgram
     options: MethodOptions
-    clock: Deadline
+    deadline: Deadline
     bound: float = -np.inf
     floor: float = np.inf
     best: Solution = NOTHING
@@ -73,16 +77,16 @@ class ConicSearch:
 
     @property
     def done(self) -> bool:
-        """Whether the gap asked for is reached, or time is up and there is a plan."""
+        """Whether the gap wanted is reached, or time is up and there is a plan."""
         return self.gap <= self.options.gap or (self.late and self.best.z is not None)
 
     @property
     def late(self) -> bool:
         """Whether time is up."""
-        return self.clock.left <= 0
+        return self.deadline.remaining_s <= 0
 
     @property
-    def held(self) -> int:
+    def n_modes(self) -> int:
         """How many modes have binaries."""
         return sum(int(elements.sum()) for elements in self.modes.values())
 
@@ -93,9 +97,9 @@ class ConicSearch:
     def exclude(self, z: Floats, bound: float) -> None:
         """Cuts a commitment off whose own bound is known: at least one integer must differ."""
         standard = self.program.standard
-        at = np.flatnonzero(standard.integer)
-        ones = np.round(z[at]) > 0.5
-        entries = np.where(ones, 1.0, -1.0), (np.zeros(len(at), np.intp), at)
+        columns = np.flatnonzero(standard.integer)
+        ones = np.round(z[columns]) > 0.5
+        entries = np.where(ones, 1.0, -1.0), (np.zeros(len(columns), np.intp), columns)
         self.rows.append(
             (sp.csr_array(entries, shape=(1, standard.n_columns)), np.array([ones.sum() - 1.0]))
         )
@@ -116,7 +120,7 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     if fractional(program.standard, first.point).any():
         _start(search)
     else:
-        _plan(search, first, rounded(program, first.point), first.point)
+        _plan(search, first, with_integers_held(program, first.point), first.point)
     for k in range(ROUNDS):
         if search.done or (k and search.late) or not _round(search, k + 1):
             break
@@ -129,16 +133,17 @@ def _start(search: ConicSearch) -> None:
     """A first plan, from any commitment. Its tangents would slow the MILP more than they help."""
     program = search.program
     with phase("commitment", "any"):
-        chosen = any_point(program, lower(program.standard, exact={}, discs="outer"))
+        lowered = lower(program.standard, modes={}, discs="outer")
+        chosen = any_point(program, lowered)
     if chosen.status == "infeasible":
         raise infeasible(program)
     if chosen.z is None:
         return
-    vectors = rounded(program, chosen.point)
+    vectors = with_integers_held(program, chosen.point)
     with phase("conic program"):
-        found = relaxation(program, vectors)
-    if found.z is not None:
-        _plan(search, found, vectors, chosen.point)
+        relaxed = relaxation(program, vectors)
+    if relaxed.z is not None:
+        _plan(search, relaxed, vectors, chosen.point)
 
 
 def _round(search: ConicSearch, k: int) -> bool:
@@ -156,10 +161,10 @@ def _round(search: ConicSearch, k: int) -> bool:
 
 def _commitment(search: ConicSearch) -> Solution:
     """The MILP over all tangents so far: its point, and a bound for what is not cut off."""
-    lowered = lower(search.program.standard, exact=search.modes, discs="outer")
+    lowered = lower(search.program.standard, modes=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
     h = np.concatenate([right for _, right in search.rows])
-    seconds = max(SHARE * search.clock.left, 1.0)
+    seconds = max(MILP_SHARE * search.deadline.remaining_s, 1.0)
     solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
     solver.update(search.program.vectors)
     return solver.solve()
@@ -172,50 +177,51 @@ def _try(search: ConicSearch, master: Solution) -> bool:
     relaxation still promises: it has been tried, and its bound stays in force.
     """
     program, standard = search.program, search.program.standard
-    before, held = search.best.objective, search.held
+    before, n_modes = search.best.objective, search.n_modes
     if master.status == "infeasible" and search.floor == np.inf and search.best.z is None:
         raise infeasible(program)
     if master.z is None:
         return False
     search.rows.append(tangents(standard, master.point, -RELAXATION_TOLERANCE))
-    vectors = rounded(program, master.point)
+    vectors = with_integers_held(program, master.point)
     with phase("conic program"):
-        found = relaxation(program, vectors)
-    if found.z is not None:
-        search.rows.append(tangents(standard, found.point))
-        _plan(search, found, vectors, master.point)
-    if search.best.objective < before - 1e-9 * abs(before) or search.held > held:
+        relaxed = relaxation(program, vectors)
+    if relaxed.z is not None:
+        search.rows.append(tangents(standard, relaxed.point))
+        _plan(search, relaxed, vectors, master.point)
+    if search.best.objective < before - 1e-9 * abs(before) or search.n_modes > n_modes:
         return True
     if standard.integer.any():
-        search.exclude(master.point, found.bound)
+        search.exclude(master.point, relaxed.bound)
     return bool(standard.integer.any())
 
 
-def _plan(search: ConicSearch, found: Solution, vectors: Vectors, z: Floats) -> None:
+def _plan(search: ConicSearch, relaxed: Solution, vectors: Vectors, z: Floats) -> None:
     """Turns a point of the relaxation for fixed integers into a plan that satisfies everything.
 
     Modes with binaries are held as they are in z. Others get one where holding them costs much.
     """
     program, standard = search.program, search.program.standard
-    point = found
+    point = relaxed
     if search.modes:
-        vectors = vectors.fixed(*sides(standard, z, search.modes))
+        vectors = vectors.fixed(*idle_columns(standard, z, search.modes))
         point = relaxation(program, vectors)
     plan = NOTHING
     if point.z is not None:
-        plan = completed(program, point, vectors, search.clock.left)
-    if gap(plan.objective, found.bound) > search.options.gap / 2:
-        for k, elements in violated(standard, found.point).items():
+        plan = with_all_held(program, point, vectors, search.deadline.remaining_s)
+    if gap(plan.objective, relaxed.bound) > search.options.gap / 2:
+        for k, elements in broken_modes(standard, relaxed.point).items():
             search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
     if plan.objective < search.best.objective:
         search.best = plan
 
 
 def _answer(search: ConicSearch) -> MethodResult:
-    reached, asked = search.gap <= search.options.gap, search.options.gap
+    wanted_gap = search.options.gap
+    reached = search.gap <= wanted_gap
     note = (
-        f"the gap of {100 * search.gap:.2g} % is above the {100 * asked:.2g} % asked for after "
-        f"{search.clock.spent:.1f} s; this is the best plan found"
+        f"the gap of {100 * search.gap:.2g} % is above the {100 * wanted_gap:.2g} % asked for "
+        f"after {search.deadline.spent_s:.1f} s; this is the best plan found"
     )
     best = replace(search.best, status="optimal" if reached else "feasible")
-    return MethodResult.of(search.program, best, search.bound, [] if reached else [note])
+    return MethodResult.from_solution(search.program, best, search.bound, [] if reached else [note])

@@ -13,11 +13,11 @@ from resilience.models.backends.lower import Lowered
 from resilience.models.case_program import CaseProgram
 from resilience.models.program.standard import Vectors
 
-LEAST = 5.0  # s that a method takes when time is up and it has nothing to show
-FIRST = 0.2  # relative gap at which that search stops
+FALLBACK_S = 5.0  # what a method takes when time is up and it has nothing to show
+FALLBACK_GAP = 0.2  # relative gap at which that search stops
 
 
-def switches(program: CaseProgram) -> bool:
+def has_switches(program: CaseProgram) -> bool:
     """Whether the problem has lines whose status it may choose."""
     return program.standard.has("line.closed")
 
@@ -27,43 +27,50 @@ def any_point(program: CaseProgram, lowered: Lowered) -> Solution:
 
     Its status is infeasible where that is proven, which a held topology never can.
     """
-    solver = Highs(lowered, time_limit=LEAST, gap=FIRST)
-    solver.update(mended(program) if switches(program) else program.vectors)
-    found = solver.solve()
-    if found.status == "infeasible" and not switches(program):
-        return found
-    status: Status = "none" if found.z is None else "feasible"
-    return replace(found, status=status, bound=-np.inf)
+    solver = Highs(lowered, time_limit=FALLBACK_S, gap=FALLBACK_GAP)
+    solver.update(with_switches_held(program) if has_switches(program) else program.vectors)
+    solution = solver.solve()
+    if solution.status == "infeasible" and not has_switches(program):
+        return solution
+    status: Status = "none" if solution.z is None else "feasible"
+    return replace(solution, status=status, bound=-np.inf)
 
 
-def mended(program: CaseProgram) -> Vectors:
+def with_switches_held(program: CaseProgram) -> Vectors:
     """Vectors in which every switch is held: closed as at the start, and where that leaves buses
     without a source, one open line after the other is closed until they have one.
     """
     network, situation = program.microgrid.network, program.situation
     switched = np.flatnonzero(network.switchable)
-    kept = np.ones(len(network.switchable), bool)
-    kept[switched] = program.x0["line.closed"] > 0.5
-    rank = np.argsort(1 * network.switchable + ~kept, kind="stable")
+    closed = np.ones(len(network.switchable), bool)
+    closed[switched] = program.x0["line.closed"] > 0.5
+    # Fixed lines first, then switches that are closed, last those that are open.
+    order = np.lexsort((~closed, network.switchable))
     ends = np.stack([network.from_bus, network.to_bus], axis=1)
-    patterns, at = np.unique(situation.line_up, axis=1, return_inverse=True)
-    status = [_forest(ends, rank[up[rank]], kept, situation.forming)[switched] for up in patterns.T]
-    values = np.array(status).T[:, at.ravel()] * situation.alive[network.from_bus[switched]]
+    patterns, pattern = np.unique(situation.line_up, axis=1, return_inverse=True)
+    status = [
+        _forest(ends, order[up[order]], closed, situation.forming)[switched] for up in patterns.T
+    ]
+    alive = situation.alive[network.from_bus[switched]]
+    values = np.array(status).T[:, pattern.ravel()] * alive
     columns = program.standard.columns("line.closed")
     return program.vectors.fixed(columns.ravel(), values.ravel())
 
 
-def _forest(ends: Ints, order: Ints, kept: Bools, forming: Bools) -> Bools:
-    """(lines,) a forest over the lines in `order`: those `kept` where they close no cycle, others
-    only where they join to a source what has none.
+def _forest(ends: Ints, order: Ints, closed: Bools, forming: Bools) -> Bools:
+    """(lines,) a forest over the lines in `order`.
+
+    Those that are `closed` join it where they close no cycle, others only where they join to a
+    source what has none.
     """
     group, sourced = np.arange(len(forming)), forming.copy()
-    closed = np.zeros(len(ends), bool)
+    forest = np.zeros(len(ends), bool)
     for line in order:
-        one, other = group[ends[line]]
-        if one == other or not (kept[line] or not (sourced[one] and sourced[other])):
+        near, far = group[ends[line]]
+        needed = closed[line] or not (sourced[near] and sourced[far])
+        if near == far or not needed:
             continue
-        closed[line] = True
-        sourced[one] |= sourced[other]
-        group[group == other] = one
-    return closed
+        forest[line] = True
+        sourced[near] |= sourced[far]
+        group[group == far] = near
+    return forest

@@ -15,58 +15,65 @@ from scipy.optimize import linprog
 
 from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution
-from resilience.models.backends.lower import Discs, lower
+from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
-from resilience.models.methods.answer import widest
+from resilience.models.methods.answer import worst_violation
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Disc, Discs
 from resilience.tolerances import RELAXATION_TOLERANCE
 
-WAYS: tuple[Discs, ...] = ("outer", "inner")
+POLYGONS: tuple[Discs, ...] = ("outer", "inner")  # in the order of trial
 
 
-def tidied(program: CaseProgram, found: Solution) -> Solution:
+def with_least_circulation(program: CaseProgram, solution: Solution) -> Solution:
     """The same plan, tie-breaks least; as it was where that cannot be had within the ratings."""
     standard = program.standard
     if not standard.tiebreak.any():
-        return found
-    for discs in WAYS:
-        z = _least(standard, program.vectors, found.point, discs)
-        if z is not None and widest(standard, z, "disc") <= RELAXATION_TOLERANCE:
-            return replace(found, z=z)
-    return found
+        return solution
+    for discs in POLYGONS:
+        z = _least_circulation(standard, program.vectors, solution.point, discs)
+        if z is not None and worst_violation(standard, z, Disc) <= RELAXATION_TOLERANCE:
+            return replace(solution, z=z)
+    return solution
 
 
-def _held(standard: Standard, v: Vectors) -> Bools:
+def _fixed_columns(standard: Standard, v: Vectors) -> Bools:
     """(columns,) what costs, is remembered, or cannot move anyway."""
-    hold: Bools = (v.cost != 0.0) | standard.integer | (v.lower >= v.upper)
+    fixed: Bools = (v.cost != 0.0) | standard.integer | (v.lower >= v.upper)
     for _, after in standard.forms[0].stage.states:
-        hold[standard.columns(after.name)] = True
-    return hold
+        fixed[standard.columns(after.name)] = True
+    return fixed
 
 
-def _least(standard: Standard, vectors: Vectors, z: Floats, discs: Discs) -> Floats | None:
-    lowered = lower(standard, integer=standard.integer & False, exact={}, discs=discs)
+def _least_circulation(
+    standard: Standard, vectors: Vectors, z: Floats, discs: Discs
+) -> Floats | None:
+    """The columns (columns,) with the least sum of weight * |x|; None if there is no point.
+
+    Behind the free columns x of the plan stands t >= |x| for every column with a weight.
+    """
+    lowered = lower(standard, integer="none", modes={}, discs=discs)
     v = lowered.vectors(vectors)
-    hold = _held(standard, vectors)
-    free = np.flatnonzero(~hold)
+    fixed = _fixed_columns(standard, vectors)
+    free = np.flatnonzero(~fixed)
     weighed = np.flatnonzero(standard.tiebreak[free])
     m = len(weighed)
-    known = lowered.a[:, hold] @ z[hold]
+    settled = lowered.a[:, fixed] @ z[fixed]
     a = sp.hstack([lowered.a[:, free], sp.csr_array((lowered.a.shape[0], m))], format="csr")
     equal = v.row_lower == v.row_upper
-    upper = np.flatnonzero(~equal & np.isfinite(v.row_upper))
-    lower_ = np.flatnonzero(~equal & np.isfinite(v.row_lower))
-    pick = sp.csr_array((np.ones(m), (np.arange(m), weighed)), shape=(m, len(free)))
-    size = sp.eye_array(m)
-    around = sp.block_array([[pick, -size], [-pick, -size]])
+    above = np.flatnonzero(~equal & np.isfinite(v.row_upper))
+    below = np.flatnonzero(~equal & np.isfinite(v.row_lower))
+    x = sp.csr_array((np.ones(m), (np.arange(m), weighed)), shape=(m, len(free)))
+    t = sp.eye_array(m)
+    absolute = sp.block_array([[x, -t], [-x, -t]])
     answer = linprog(
         np.append(np.zeros(len(free)), standard.tiebreak[free][weighed]),
-        A_ub=sp.vstack([a[upper], -a[lower_], around], format="csr"),
+        A_ub=sp.vstack([a[above], -a[below], absolute], format="csr"),
         b_ub=np.concatenate(
-            [(v.row_upper - known)[upper], (known - v.row_lower)[lower_], np.zeros(2 * m)]
+            [(v.row_upper - settled)[above], (settled - v.row_lower)[below], np.zeros(2 * m)]
         ),
         A_eq=a[np.flatnonzero(equal)],
-        b_eq=(v.row_upper - known)[equal],
+        b_eq=(v.row_upper - settled)[equal],
         bounds=np.column_stack(
             [np.append(v.lower[free], np.zeros(m)), np.append(v.upper[free], np.full(m, np.inf))]
         ),

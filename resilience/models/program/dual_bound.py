@@ -14,7 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import SecondOrder
 
 
 def safe_bound(
@@ -67,24 +68,15 @@ def _signed(row_lower: Floats, row_upper: Floats, rows: Floats) -> tuple[Floats,
     return y, float(y[y != 0] @ sides[y != 0])
 
 
-def cone_rows(structure: Unrolled) -> tuple[list[sp.csr_array], list[Floats]]:
-    """(t, x1, x2, ...) with |x| <= t, as matrices and constants, for a cone or a disc."""
-    if structure.kind == "disc":
-        n = structure.matrices[0].shape
-        return [sp.csr_array(n), *structure.matrices], [structure.limits[0], *structure.consts]
-    (mu, mv, *mxs), (cu, cv, *cxs) = structure.matrices, structure.consts
-    matrices = [mu + mv, *[2.0 * m for m in mxs], mu - mv]
-    return matrices, [cu + cv, *[2.0 * c for c in cxs], cu - cv]
-
-
 def cone_share(standard: Standard, cones: dict[int, Floats]) -> tuple[Floats, float]:
     """What multipliers (k + 1, n) per structure, moved into the cone, add to the Lagrangian.
 
     Returns the slope (columns,) and the offset of  sum_k lambda_k'(G_k z + g_k).
     """
     slope, offset = np.zeros(standard.n_columns), 0.0
+    unrolled = standard.structures_of(SecondOrder)
     for k, multipliers in cones.items():
-        matrices, consts = cone_rows(standard.structures[k])
+        matrices, consts = unrolled[k].structure.second_order(unrolled[k])
         moved = multipliers.copy()
         moved[0] = np.maximum(moved[0], np.linalg.norm(moved[1:], axis=0))
         for m, c, y in zip(matrices, consts, moved, strict=True):

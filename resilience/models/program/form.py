@@ -10,7 +10,8 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, stack
-from resilience.models.language.stage import Block, Stage, Structure
+from resilience.models.language.stage import Block, Stage
+from resilience.models.structures import Structure
 
 
 @dataclass(frozen=True)

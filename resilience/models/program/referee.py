@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.program.standard import Standard, Unrolled, Vectors
+from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Largest, Structure, UnrolledStructure
 from resilience.tolerances import INTEGRALITY_TOLERANCE
 
 
@@ -63,12 +64,11 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     off = np.abs(z[whole] - np.round(z[whole]))
     note("integrality", off, lambda k: standard.column_name(int(whole[k])))
     for structure in standard.structures:
-        found = structure_violations(structure, z)
-        note(structure.name, found, partial(_element, standard, structure))
+        note(structure.name, structure.violation(z), partial(_element, standard, structure))
     return Audit(worst, where)
 
 
-def _element(standard: Standard, structure: Unrolled, k: int) -> str:
+def _element(standard: Standard, structure: UnrolledStructure[Structure], k: int) -> str:
     node, label = divmod(k, len(structure.labels))
     slot = standard.tree.labels[structure.nodes[node]]
     return f"{structure.name}[{structure.labels[label]}, {slot}]"
@@ -91,49 +91,8 @@ def _bound_violations(z: Floats, v: Vectors) -> Floats:
     return np.maximum(beyond(v.upper, z - v.upper), np.maximum(beyond(v.lower, v.lower - z), 0.0))
 
 
-def structure_violations(structure: Unrolled, z: Floats) -> Floats:
-    """(elements,) how far each element is from holding."""
-    measure: Callable[[Unrolled, list[Floats]], Floats] = _MEASURES[structure.kind]
-    return measure(structure, structure.values(z))
-
-
-def _split(s: Unrolled, args: list[Floats]) -> Floats:
-    scale = 1.0 + np.minimum(*s.limits)
-    return np.maximum(np.minimum(*args), 0.0) / scale
-
-
-def _cone(s: Unrolled, args: list[Floats]) -> Floats:
-    u, v, *xs = args
-    square = sum((x**2 for x in xs), np.zeros(s.n))
-    return np.abs(u * v - square) / (1.0 + square)
-
-
-def _disc(s: Unrolled, args: list[Floats]) -> Floats:
-    length = np.sqrt(sum((x**2 for x in args), np.zeros(s.n)))
-    return np.maximum(length - s.limits[0], 0.0) / (1.0 + s.limits[0])
-
-
-def _largest(s: Unrolled, args: list[Floats]) -> Floats:
-    return np.abs(args[0] - np.max(args[1:], axis=0))
-
-
-def _adjacent(s: Unrolled, args: list[Floats]) -> Floats:
-    weights = np.array(args)
-    pairs = np.array([weights[k : k + 2].sum(0) for k in range(max(len(weights) - 1, 1))])
-    return np.maximum(weights.sum(0) - pairs.max(0), 0.0)
-
-
-_MEASURES = {
-    "split": _split,
-    "cone": _cone,
-    "disc": _disc,
-    "largest": _largest,
-    "adjacent": _adjacent,
-}
-
-
 def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
-    """Rounds off solver dust and makes every `largest` tight, node by node.
+    """Rounds off solver dust and makes every `Largest` tight, node by node.
 
     Integers within tolerance are rounded; y becomes the maximum it was only held above. A node
     comes after its parent, whichever stages the two are of, since y may be a state.
@@ -141,14 +100,14 @@ def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
     z = np.clip(z, vectors.lower, vectors.upper)
     whole = np.flatnonzero(standard.integer & (np.abs(z - np.round(z)) < INTEGRALITY_TOLERANCE))
     z[whole] = np.round(z[whole])
-    tight = [structure for structure in standard.structures if structure.kind == "largest"]
-    order = sorted((node, k, i) for k, s in enumerate(tight) for i, node in enumerate(s.nodes))
+    maxima = list(standard.structures_of(Largest).values())
+    order = sorted((node, k, i) for k, s in enumerate(maxima) for i, node in enumerate(s.nodes))
     for _, k, i in order:
-        structure, width = tight[k], len(tight[k].labels)
-        at = slice(i * width, (i + 1) * width)
-        args = [
-            m[at] @ z + c[at]
-            for m, c in zip(structure.matrices[1:], structure.consts[1:], strict=True)
+        largest, width = maxima[k], len(maxima[k].labels)
+        elements = slice(i * width, (i + 1) * width)
+        xs = [
+            m[elements] @ z + c[elements]
+            for m, c in zip(largest.matrices[1:], largest.consts[1:], strict=True)
         ]
-        z[structure.matrices[0].indices[at]] = np.max(args, axis=0)
+        z[largest.matrices[0].indices[elements]] = largest.structure.maximum(xs)
     return z

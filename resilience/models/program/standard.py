@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,8 +20,10 @@ from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Labels
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.form import CostForm, Form
+from resilience.models.structures import Structure, UnrolledStructure
 
 Values = Mapping[str, Any]
+S = TypeVar("S", bound=Structure)
 
 
 @dataclass
@@ -42,36 +44,6 @@ class Vectors:
         return Vectors(self.cost, self.offset, lower, upper, self.row_lower, self.row_upper)
 
 
-@dataclass(frozen=True)
-class Unrolled:
-    """A structure over all nodes of one stage: its arguments as matrices over all columns."""
-
-    name: str
-    kind: str
-    labels: Labels
-    nodes: Ints
-    matrices: tuple[sp.csr_array, ...]
-    consts: tuple[Floats, ...]
-    limits: tuple[Floats, ...]
-
-    @property
-    def n(self) -> int:
-        """Number of elements: labels times nodes, label running fastest."""
-        return len(self.labels) * len(self.nodes)
-
-    def values(self, z: Floats) -> list[Floats]:
-        """Each argument at z, arrays (n,)."""
-        return [m @ z + c for m, c in zip(self.matrices, self.consts, strict=True)]
-
-    @cached_property
-    def columns(self) -> Ints:
-        """(arguments, n) column of each argument, where every argument is one plain column."""
-        plain = [(np.diff(m.indptr) == 1).all() and (m.data == 1.0).all() for m in self.matrices]
-        if not all(plain) or any(const.any() for const in self.consts):
-            raise ValueError(f"the arguments of {self.name!r} are not plain columns")
-        return np.array([m.indices for m in self.matrices], np.intp)
-
-
 @dataclass
 class Standard:
     """See the module's docstring; made by `resilience.models.program.unroll.unroll`."""
@@ -82,7 +54,7 @@ class Standard:
     members: tuple[Ints, ...]
     row_tables: tuple[Ints, ...]
     a: sp.csr_array
-    structures: tuple[Unrolled, ...]
+    structures: tuple[UnrolledStructure[Structure], ...]
     cuts: tuple[Cut, ...]
     n_states: int
     integer: Any = field(repr=False)
@@ -150,6 +122,13 @@ class Standard:
     def _in_node_order(self, parts: list[Ints]) -> Ints:
         joined = np.concatenate(parts, axis=1)
         return joined[:, np.argsort(np.concatenate(self.members), kind="stable")]
+
+    def structures_of(self, kind: type[S]) -> dict[int, UnrolledStructure[S]]:
+        """The structures of a class, by their places in `structures`."""
+        numbered = enumerate(self.structures)
+        return {
+            k: cast(UnrolledStructure[S], s) for k, s in numbered if isinstance(s.structure, kind)
+        }
 
     def has(self, name: str) -> bool:
         """Whether a variable of that name exists."""

@@ -8,10 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.models.language.stage import Stage, Structure
+from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.form import Form
-from resilience.models.program.standard import Standard, Unrolled
+from resilience.models.program.standard import Standard
+from resilience.models.structures import Structure, UnrolledStructure
 
 
 def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Standard:
@@ -101,7 +102,7 @@ def _matrix(
 
 def _unrolled(
     structure: Structure, matrices: list[sp.csr_array], table: Ints, nodes: Ints, n_columns: int
-) -> Unrolled:
+) -> UnrolledStructure[Structure]:
     def spread(matrix: sp.csr_array) -> sp.csr_array:
         counts = np.tile(np.diff(matrix.indptr), len(nodes))
         starts = np.concatenate([[0], np.cumsum(counts)])
@@ -111,10 +112,8 @@ def _unrolled(
     def repeat(values: Floats) -> Floats:
         return np.tile(values, len(nodes))
 
-    return Unrolled(
-        name=structure.name,
-        kind=structure.kind,
-        labels=structure.labels,
+    return UnrolledStructure(
+        structure=structure,
         nodes=nodes,
         matrices=tuple(spread(m) for m in matrices),
         consts=tuple(repeat(arg.const) for arg in structure.args),

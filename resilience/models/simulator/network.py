@@ -55,7 +55,7 @@ class NetworkSimulator(Plant):
         super().__init__(microgrid, dt)
         refuse(self, blocks=False, ratings=False)
         self.standard = unroll([self.form.stage], Tree.chain(["now"]))
-        self.solver = Highs(lower(self.standard, exact={}), duals=False)
+        self.solver = Highs(lower(self.standard, modes={}), duals=False)
         self.table = self.standard.tables[0][0]
 
     def __reduce__(self) -> tuple[type[NetworkSimulator], tuple[Microgrid, float]]:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.errors import UsageError
+from resilience.models.structures import Cone, Disc, Largest, Split, Structure
 
 if TYPE_CHECKING:
     from resilience.models.simulator.plant import Plant
 
 STATES = ("ess.energy",)
 BLOCKS = ("load.on",)
+STEPPED: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Largest})
+"""Structures that a step holds."""
 
 
 def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
@@ -32,8 +35,9 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
     demands = [f"decide {name!r}" for name in integer if name not in allowed]
     memory = [after.name for _, after in stage.states if after.name not in (*STATES, *integer)]
     demands += [f"remember {name!r}" for name in memory]
-    curves = [s.name for s in stage.structures if s.kind == "adjacent"]
-    demands += [f"hold the cost curve {name!r}" for name in curves]
+    demands += [
+        f"hold the {s.title} {s.name!r}" for s in stage.structures if type(s) not in STEPPED
+    ]
     if ratings and np.isfinite(plant.microgrid.network.rating_mva).any():
         demands.append("hold line ratings")
     if demands:

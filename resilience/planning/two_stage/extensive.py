@@ -32,7 +32,7 @@ def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> Two
     """
     options = options or DecompositionOptions()
     whole = two.whole()
-    lowered = lower(whole, exact={}, discs=options.discs)
+    lowered = lower(whole, modes={}, discs=options.discs)
     limits: dict[str, Any] = {"time_limit": options.time_limit, "gap": options.gap}
     averse = RiskAverse(lowered, two.risk, **limits) if two.risk.averse else None
     if averse is not None:

@@ -22,8 +22,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.base import Status
-from resilience.models.backends.lower import Discs
 from resilience.models.methods.answer import Deadline, gap
+from resilience.models.structures import Discs
 from resilience.planning.two_stage.master import Master, Trial
 from resilience.planning.two_stage.recourse import Recourse, Second
 from resilience.planning.two_stage.two_stage import TwoStage
@@ -111,7 +111,7 @@ def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoSt
             start_cost = cost
         if best is None or value < best[0]:
             best = value, trial, second, cost
-        if gap(best[0], bound) <= options.gap or (clock.left <= 0 and np.isfinite(bound)):
+        if gap(best[0], bound) <= options.gap or (clock.remaining_s <= 0 and np.isfinite(bound)):
             break
         master.add(second)
         with phase("first stage"):

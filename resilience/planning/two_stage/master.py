@@ -14,10 +14,11 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError
-from resilience.models.backends.lower import Discs, lower
+from resilience.models.backends.lower import lower
 from resilience.models.backends.plain import Plain
 from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Vectors, reach
+from resilience.models.structures import Discs
 from resilience.planning.two_stage.recourse import Second
 from resilience.planning.two_stage.two_stage import TwoStage
 
@@ -60,7 +61,7 @@ class Master:
         prices = prices.tolil()
         prices[:, [self._future]] = 0.0
         self._prices = sp.csr_array(prices)
-        lowered = lower(first, integer=np.zeros(first.n_columns, bool), exact={}, discs=discs)
+        lowered = lower(first, integer="none", modes={}, discs=discs)
         v = first.vectors(two.first_data, two.x0)
         if held is not None:
             v = v.fixed(held, np.zeros(len(held)))

@@ -21,10 +21,11 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
-from resilience.models.backends.lower import Discs, lower
+from resilience.models.backends.lower import lower
 from resilience.models.methods.explain import grouped
 from resilience.models.program.dual_bound import safe_cut
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Discs
 from resilience.planning.two_stage.two_stage import ScenarioBranch, TwoStage
 
 PARTS = 4  # solvers side by side, whatever the number of workers
@@ -100,10 +101,7 @@ class Recourse:
         self.two, self.workers, self.holds = two, workers, holds or {}
         self._programs = [self._program(k) for k in range(len(two.programs))]
         self._given = [self._numbers(chain) for chain in two.chains]
-        lowered = [
-            lower(p, integer=np.zeros(p.n_columns, bool), exact={}, discs=discs)
-            for p in two.programs
-        ]
+        lowered = [lower(p, integer="none", modes={}, discs=discs) for p in two.programs]
         self._transposed = [sp.csr_array(program.a.T) for program in lowered]
         count = max(min(PARTS, len(two.chains) // CHAINS_OF_A_PART), 1)
         cuts = np.linspace(0, len(two.chains), count + 1).astype(int)

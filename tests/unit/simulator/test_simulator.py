@@ -40,7 +40,7 @@ def test_recourse_is_the_one_slot_linear_program(
     assert simulator.heuristic == ()
     assert step.spill.max() < 1e-9
     problem = unroll([microgrid.stage(0.25)], Tree.chain(["now"]))
-    solver = Highs(lower(problem, exact={}))
+    solver = Highs(lower(problem, modes={}))
     for k in range(seen.energy.shape[1]):
         one = {name: values[:, [k]] for name, values in seen.named.items()}
         vectors = problem.vectors(one, {"ess.energy": seen.energy[:, k]})
