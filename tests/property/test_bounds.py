@@ -71,7 +71,7 @@ def test_any_multipliers_of_rows_give_a_bound(seed: int, width: float) -> None:
     rows = found.duals.rows
     rows = rows + width * np.random.default_rng(seed).normal(size=len(rows))
     v = solver.lowered.vectors(problem.vectors)
-    bound = safe_bound(solver.lowered.a, v, v.row_lower, v.row_upper, rows)
+    bound = safe_bound(solver.lowered.a, v, rows)
     assert np.isfinite(bound)
     assert bound <= found.objective + 1e-9
     assert width > 0.0 or bound >= found.objective - 1e-6
@@ -87,7 +87,7 @@ def test_any_multipliers_of_cones_give_a_bound(seed: int, width: float) -> None:
     cones = {k: y + width * rng.normal(size=y.shape) for k, y in duals.cones.items()}
     slope, offset = cone_share(problem.standard, cones)
     a = problem.standard.a
-    bound = safe_bound(a, v, v.row_lower, v.row_upper, rows, slope, offset)
+    bound = safe_bound(a, v, rows, slope, offset)
     assert np.isfinite(bound)
     assert bound <= found.objective + 1e-6
     assert width > 0.0 or bound == pytest.approx(found.objective, abs=1e-5)
@@ -102,7 +102,7 @@ def test_multipliers_outside_the_cone_are_moved_into_it(share: float) -> None:
         k: y * np.array([share, 1.0, 1.0, 1.0])[: len(y), None] for k, y in duals.cones.items()
     }
     slope, offset = cone_share(problem.standard, short)
-    bound = safe_bound(a, v, v.row_lower, v.row_upper, duals.rows, slope, offset)
+    bound = safe_bound(a, v, duals.rows, slope, offset)
     assert bound <= found.objective + 1e-6
 
 
@@ -112,7 +112,7 @@ def test_multipliers_of_the_wrong_sign_are_not_used() -> None:
     v = solver.lowered.vectors(problem.vectors)
     one_sided = np.isinf(v.row_lower)
     for rows in (found.duals.rows - 5.0 * one_sided, -found.duals.rows):
-        bound = safe_bound(solver.lowered.a, v, v.row_lower, v.row_upper, rows)
+        bound = safe_bound(solver.lowered.a, v, rows)
         assert np.isfinite(bound)
         assert bound <= found.objective + 1e-9
 

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import highspy
 import numpy as np
 import scipy.sparse as sp
 
@@ -19,18 +17,30 @@ from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import Cuts
 from resilience.dispatch.sddp.program import Numbers, StageProgram
 from resilience.errors import SolverError
-from resilience.models.backends.highs import LINEAR, MINIMIZE, ROWWISE, WARM
+from resilience.models.backends.highs_model import (
+    LINEAR_OPTIONS,
+    WARM_OPTIONS,
+    HighsModel,
+    Option,
+    RunStatus,
+)
+from resilience.models.program.standard import Vectors
 from resilience.tolerances import REDUCED_COST_TOLERANCE
 
-OPTIMAL = highspy.HighsModelStatus.kOptimal
-OPTIONS = {**LINEAR, **WARM, "presolve": "off", "solver": "simplex", "threads": 1}
+OPTIONS: dict[str, Option] = {
+    **LINEAR_OPTIONS,
+    **WARM_OPTIONS,
+    "presolve": "off",
+    "solver": "simplex",
+    "threads": 1,
+}
 
 
 @dataclass
 class _Solver:
     """A model in the solver, and for every row of a cut which cut and which block it is of."""
 
-    model: Any
+    model: HighsModel
     cut: Ints
     block: Ints
 
@@ -84,13 +94,9 @@ class Blocks:
             np.append(solver.cut, cut + first),
             np.append(solver.block, block),
         )
-        columns = np.column_stack([self.after[block], len(self.price) + block]).astype(np.int32)
+        columns = np.column_stack([self.after[block], len(self.price) + block])
         values = np.column_stack([cuts.beta[cut], -np.ones(len(cut))])
-        starts = (np.arange(len(cut)) * columns.shape[1]).astype(np.int32)
-        free = np.full(len(cut), np.inf)
-        solver.model.addRows(
-            len(cut), -free, free, values.size, starts, columns.ravel(), values.ravel()
-        )
+        solver.model.add_rows(columns, values, -np.inf, np.inf)
 
     def replace(self, cuts: Cuts, of: Ints) -> None:
         """Takes other cuts in place of its own; the basis is lost."""
@@ -127,7 +133,7 @@ class Blocks:
             SolverError: there is no optimum.
         """
         solver = self._solved(np.arange(self.n), state, levels)
-        return self._lagrangian(-np.array(solver.model.getSolution().row_dual), solver)
+        return self._lagrangian(solver.model.solution.multipliers, solver)
 
     def _lagrangian(self, multipliers: Floats, solver: _Solver) -> Cuts:
         """The bounds of `bounds`, from multipliers (rows and rows of cuts,) of any origin."""
@@ -159,7 +165,7 @@ class Blocks:
         return Cuts(alpha[:, 0], beta, gamma)
 
     def _point(self, solver: _Solver) -> Floats:
-        return np.array(solver.model.getSolution().col_value)[: len(self.price)]
+        return solver.model.solution.values[: len(self.price)]
 
     def _solved(self, chosen: Ints, state: Floats, levels: Floats) -> _Solver:
         """Sends what changes at the blocks chosen, and solves."""
@@ -171,9 +177,8 @@ class Blocks:
                 rest = np.ones(self.n, np.intp)[:, None]
                 self._send(solver, np.arange(self.n), state[:1] * rest, levels[:1] * rest)
         self._send(solver, chosen, state, levels)
-        solver.model.run()
-        if solver.model.getModelStatus() != OPTIMAL:
-            _from_scratch(solver.model)
+        if solver.model.run() is not RunStatus.OPTIMAL:
+            _solve_from_scratch(solver.model)
         return solver
 
     def _send(self, solver: _Solver, chosen: Ints, state: Floats, levels: Floats) -> None:
@@ -192,11 +197,11 @@ class Blocks:
         rhs -= np.einsum("ij,ij->i", self.now[rows], states[of])
         cut, of = solver.cut[cuts], solver.block[cuts]
         height = self.cuts.alpha[cut] + np.einsum("ij,ij->i", self.cuts.gamma[cut], one[of, 1:])
-        solver.model.changeColsBounds(len(columns), columns.astype(np.int32), lower, upper)
+        solver.model.change_bounds(columns, lower, upper)
         low = np.full(len(rows) + len(cuts), -np.inf)
         low[: len(rows)] = np.where(self.equality[rows], rhs, -np.inf)
-        both = np.append(rows, cuts + len(self.rhs)).astype(np.int32)
-        solver.model.changeRowsBounds(len(both), both, low, np.append(rhs, -height))
+        both = np.append(rows, cuts + len(self.rhs))
+        solver.model.change_sides(both, low, np.append(rhs, -height))
 
     def _built(self) -> _Solver:
         """The model at zero levels, its rows free: `_send` sets what depends on the state."""
@@ -207,38 +212,25 @@ class Blocks:
         beta = sp.csr_array(slopes, shape=(n, len(self.price)))
         future = sp.csr_array((-np.ones(n), (each, block)), shape=(n, self.n))
         a = sp.csr_array(sp.block_array([[self.a, None], [beta, future]], format="csr"))
-        model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-        model.silent()
-        for name, value in OPTIONS.items():
-            model.setOptionValue(name, value)
         free, side = np.full(self.n, np.inf), np.full(a.shape[0], np.inf)
-        model.passModel(
-            a.shape[1],
-            a.shape[0],
-            a.nnz,
-            ROWWISE,
-            MINIMIZE,
-            0.0,
-            np.append(self.price, np.ones(self.n)),
-            np.append(self.lower[:, 0], -free),
-            np.append(self.upper[:, 0], free),
-            -side,
-            side,
-            a.indptr.astype(np.int32),
-            a.indices.astype(np.int32),
-            a.data,
-            np.zeros(a.shape[1], np.int32),
+        vectors = Vectors(
+            cost=np.append(self.price, np.ones(self.n)),
+            offset=0.0,
+            lower=np.append(self.lower[:, 0], -free),
+            upper=np.append(self.upper[:, 0], free),
+            row_lower=-side,
+            row_upper=side,
         )
+        model = HighsModel(OPTIONS)
+        model.load(a, vectors)
         return _Solver(model, cut, block)
 
 
-def _from_scratch(model: Any) -> None:
-    """A basis can be too far gone to start from; the problem itself decides."""
-    model.clearSolver()
-    model.run()
-    status = model.getModelStatus()
-    if status != OPTIMAL:
+def _solve_from_scratch(model: HighsModel) -> None:
+    """Solves where a basis was too far gone to start from; the program itself decides."""
+    model.forget()
+    if model.run() is not RunStatus.OPTIMAL:
         raise SolverError(
-            f"a slot ended as {model.modelStatusToString(status).lower()}",
+            f"a slot ended as {model.status_text.lower()}",
             hint="every state within its bounds must leave a decision that is allowed",
         )

@@ -102,7 +102,7 @@ class Lookahead:
         rows = self._rows(key, asked, cuts, paths, asked.known.t + steps.horizon - 1)
         solver = Highs(program.solver.lowered, rows=rows, duals=False, threads=1)
         # Solved once and from scratch: half the time that presolve needs.
-        solver.model.setOptionValue("presolve", "off")
+        solver.tune({"presolve": "off"})
         solver.update(vectors)
         z = solver.solve().point
         charge, discharge = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -120,8 +120,8 @@ class LeafCuts:
         self.cuts.append((future, states, np.asarray(alpha, float), np.asarray(beta, float)))
         return leaf_rows(states, future, beta)
 
-    def opened(self, vectors: Vectors) -> Vectors:
-        """Lets every future cost with a cut move as far as its cuts can reach within the bounds.
+    def with_futures_open(self, vectors: Vectors) -> Vectors:
+        """The vectors, every future cost with a cut free to move as far as its cuts can reach.
 
         Without cuts a future cost is held at zero. Its range is finite where the states' are, so
         that a bound evaluated over the box stays finite too.
@@ -130,15 +130,13 @@ class LeafCuts:
             return vectors
         lower, upper = vectors.lower.copy(), vectors.upper.copy()
         if not self.standard.cuts:
-            at = [future for future, *_ in self.cuts]
-            lower[at] = upper[at] = -np.inf
+            futures = [future for future, *_ in self.cuts]
+            lower[futures] = upper[futures] = -np.inf
         for future, states, alpha, beta in self.cuts:
             low, high = reach(beta, vectors.lower[states], vectors.upper[states])
             lower[future] = max(lower[future], float((alpha + low).max()))
             upper[future] = max(upper[future], float((alpha + high).max()))
-        return Vectors(
-            vectors.cost, vectors.offset, lower, upper, vectors.row_lower, vectors.row_upper
-        )
+        return replace(vectors, lower=lower, upper=upper)
 
 
 def crossed(vectors: Vectors) -> bool:

@@ -81,7 +81,7 @@ class NLP:
         """Solves to a local optimum; 'none' where Ipopt found no feasible point."""
         import casadi as ca
 
-        v, standard = self._cuts.opened(self.vectors), self.standard
+        v, standard = self._cuts.with_futures_open(self.vectors), self.standard
         live = v.lower < v.upper
         point = np.where(live, 0.0, v.lower)
         if crossed(v) or _broken(standard, v, point, live):

@@ -79,7 +79,7 @@ class Conic:
 
     def _whole(self) -> tuple[sp.csr_array, Vectors]:
         """Matrix and vectors with the added rows behind the problem's own."""
-        (g, h), v = self._rows, self._cuts.opened(self.vectors)
+        (g, h), v = self._rows, self._cuts.with_futures_open(self.vectors)
         low = np.append(v.row_lower, np.full(len(h), -np.inf))
         whole = Vectors(v.cost, v.offset, v.lower, v.upper, low, np.append(v.row_upper, h))
         return sp.vstack([self.standard.a, g], format="csr"), whole
@@ -155,7 +155,7 @@ class Conic:
         if self.penalty or self.elastic is not None:
             return Solution(status, z, value, -np.inf, Duals(rows, cones))
         slope, offset = cone_share(standard, cones)
-        bound = safe_bound(a, v, v.row_lower, v.row_upper, rows, slope, offset)
+        bound = safe_bound(a, v, rows, slope, offset)
         start = (v.cost + a.T @ rows - slope)[: standard.n_states]
         return Solution(status, z, value, bound, Duals(rows, cones), start)
 

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
-import highspy
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from resilience.arrays import Floats, Ints
 from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
+from resilience.models.backends.highs_model import (
+    LINEAR_OPTIONS,
+    WARM_OPTIONS,
+    Basis,
+    HighsModel,
+    Option,
+    RunStatus,
+)
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.referee import row_violations
@@ -19,31 +25,20 @@ from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Adjacent, Largest, Split, Structure
 from resilience.tolerances import CONFLICT_TOLERANCE
 
-ROWWISE = int(highspy.MatrixFormat.kRowwise)
-MINIMIZE = int(highspy.ObjSense.kMinimize)
-STATUS = highspy.HighsModelStatus
-EXPLAIN_S = 5.0  # s for each way of explaining what is infeasible
-
-# Measured by `python -m bench`: coefficients in pu and MW need no scaling, few pivots no steepest
-# edges. From a basis, perturbed costs and a stale factorisation cost more pivots than they save;
-# from scratch the perturbation is what keeps a large LP from stalling.
-LINEAR = {"simplex_scale_strategy": 0, "simplex_dual_edge_weight_strategy": 1}
-WARM = {
-    "dual_simplex_cost_perturbation_multiplier": 0.0,
-    "no_unnecessary_rebuild_refactor": False,
-}
+EXPLAIN_S = 5.0  # for each way of explaining what is infeasible
+MAX_LISTED = 12  # rows that `missed` names
 
 
 class Highs:
     """Holds affine rows, integers, splits and piecewise curves; discs as polygons; cones relaxed.
 
     Args:
-        problem: the problem, or one already lowered with a choice of what is relaxed.
+        standard: the program, or one already lowered with a choice of what is relaxed.
         time_limit: seconds per solve.
         gap: relative MIP gap at which a solve stops.
         rows: further rows G z <= h of constant coefficients (cone cuts, no-good cuts).
         threads: of the solver, 0 for its own choice.
-        duals: whether an LP's solution carries its multipliers; loops save by not asking.
+        duals: whether an LP's solution carries its multipliers; loops save by doing without.
     """
 
     exact: frozenset[type[Structure]] = frozenset({Split, Adjacent, Largest})
@@ -62,37 +57,33 @@ class Highs:
         self.lowered = standard if isinstance(standard, Lowered) else lower(standard)
         self.standard = self.lowered.standard
         self.time_limit, self.duals = time_limit, duals
-        self._extra = rows
+        self._extra_rows = rows
         self._sent: Vectors | None = None
-        self._late = LeafCuts(self.standard)
+        self._later_cuts = LeafCuts(self.standard)
         self._warm = False
         self.is_mip = bool(self.lowered.integer.any())
-        self.model: Any = highspy.Highs()  # type: ignore[no-untyped-call]
-        self.model.silent()
-        self._set({"mip_rel_gap": gap, "threads": threads})
+        self.model = HighsModel({"mip_rel_gap": gap, "threads": threads})
         if not self.is_mip:
-            self._set(LINEAR)
-
-    def _set(self, options: dict[str, Any]) -> None:
-        for name, value in options.items():
-            self.model.setOptionValue(name, value)
+            self.model.set_options(LINEAR_OPTIONS)
 
     def _matrix(self) -> sp.csr_array:
-        if self._extra is None:
+        if self._extra_rows is None:
             return self.lowered.a
-        g = self._extra[0].copy()
+        g = self._extra_rows[0].copy()
         g.resize(g.shape[0], self.lowered.a.shape[1])
         return sp.vstack([self.lowered.a, g], format="csr")
 
-    def _sides(self, v: Vectors) -> tuple[Floats, Floats]:
-        if self._extra is None:
-            return v.row_lower, v.row_upper
-        h = self._extra[1]
-        return np.append(v.row_lower, np.full(len(h), -np.inf)), np.append(v.row_upper, h)
+    def _with_extra_rows(self, v: Vectors) -> Vectors:
+        """The vectors of the lowered program with the sides of the further rows behind them."""
+        if self._extra_rows is None:
+            return v
+        h = self._extra_rows[1]
+        low = np.append(v.row_lower, np.full(len(h), -np.inf))
+        return replace(v, row_lower=low, row_upper=np.append(v.row_upper, h))
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the basis of the last solve is kept."""
-        self._given, vectors = vectors, self._late.opened(vectors)
+        self._latest, vectors = vectors, self._later_cuts.with_futures_open(vectors)
         if self._sent is None:
             self._pass(self.lowered.vectors(vectors))
         else:
@@ -110,161 +101,138 @@ class Highs:
         )
 
     def _pass(self, v: Vectors) -> None:
-        a = self._matrix()
-        low, high = self._sides(v)
-        self.model.passModel(
-            a.shape[1],
-            a.shape[0],
-            a.nnz,
-            ROWWISE,
-            MINIMIZE,
-            v.offset,
-            v.cost,
-            v.lower,
-            v.upper,
-            low,
-            high,
-            a.indptr.astype(np.int32),
-            a.indices.astype(np.int32),
-            a.data,
-            self.lowered.integer.astype(np.int32),
-        )
+        self.model.load(self._matrix(), self._with_extra_rows(v), self.lowered.integer)
         self._discs = self.lowered.discs
 
     def _change(self, new: Vectors, old: Vectors) -> None:
         """Sends what differs; what `lower` added never does."""
         model = self.model
         if not (self.is_mip or self._warm):
-            self._set(WARM)
+            model.set_options(WARM_OPTIONS)
             self._warm = True
-        at = _differ(new.lower, old.lower, new.upper, old.upper)
-        if len(at):
-            model.changeColsBounds(len(at), at, new.lower[at], new.upper[at])
-        at = _differ(new.row_lower, old.row_lower, new.row_upper, old.row_upper)
-        if len(at):
-            model.changeRowsBounds(len(at), at, new.row_lower[at], new.row_upper[at])
-        at = _differ(new.cost, old.cost)
-        if len(at):
-            model.changeColsCost(len(at), at, new.cost[at])
-        model.changeObjectiveOffset(new.offset)
+        columns = _differing(new.lower, old.lower, new.upper, old.upper)
+        if len(columns):
+            model.change_bounds(columns, new.lower[columns], new.upper[columns])
+        rows = _differing(new.row_lower, old.row_lower, new.row_upper, old.row_upper)
+        if len(rows):
+            model.change_sides(rows, new.row_lower[rows], new.row_upper[rows])
+        columns = _differing(new.cost, old.cost)
+        if len(columns):
+            model.change_costs(columns, new.cost[columns])
+        model.change_offset(new.offset)
 
     def _turn(self, v: Vectors) -> None:
         """Polygons from within the discs to around them, or back."""
-        at = np.arange(self.standard.n_rows, len(v.row_upper), dtype=np.int32)
-        self.model.changeRowsBounds(len(at), at, v.row_lower[at], v.row_upper[at])
+        rows = np.arange(self.standard.n_rows, len(v.row_upper))
+        self.model.change_sides(rows, v.row_lower[rows], v.row_upper[rows])
         self._discs = self.lowered.discs
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
         """Adds rows to what `update` sent; the basis is kept. See `Backend.add_cuts`."""
-        columns, values = self._late.add(node, alpha, beta)
-        for rhs, row in zip(-np.asarray(alpha, float), values, strict=True):
-            self.model.addRow(-np.inf, rhs, len(columns), columns.astype(np.int32), row)
-        self.update(self._given)
+        columns, values = self._later_cuts.add(node, alpha, beta)
+        right = -np.asarray(alpha, float)
+        self.model.add_rows(np.tile(columns, (len(right), 1)), values, -np.inf, right)
+        self.update(self._latest)
 
-    def tune(self, options: dict[str, Any]) -> None:
+    def tune(self, options: Mapping[str, Option]) -> None:
         """Sets options of HiGHS by their names."""
-        self._set(options)
+        self.model.set_options(options)
 
-    def basis(self) -> Any:
+    def basis(self) -> Basis:
         """The basis of the last solve, for `start_at`."""
-        return self.model.getBasis()
+        return self.model.basis
 
-    def start_at(self, basis: Any) -> None:
-        """Lets the next solve start from a basis, whatever has been solved in between."""
-        self.forget()
-        self.model.setBasis(basis)
+    def start_at(self, basis: Basis) -> None:
+        """Lets the next solve start from a basis, and from nothing else of what is solved already.
+
+        For solves whose result may not depend, not even by rounding, on those in between.
+        """
+        self.model.forget()
+        self.model.set_basis(basis)
+
+    def resume_at(self, basis: Basis) -> None:
+        """As `start_at`, but with the factors and norms that the last solve has left: faster."""
+        self.model.set_basis(basis)
 
     def forget(self) -> None:
         """Lets the next solve start from nothing."""
-        self.model.clearSolver()
+        self.model.forget()
 
     def start_from(self, z: Floats) -> None:
-        """Hands a MIP a first point, in the problem's own columns."""
-        at = np.flatnonzero(self.standard.integer).astype(np.int32)
-        self.model.setSolution(len(at), at, np.round(z[at]))
+        """Hands a MIP a first point, in the program's own columns."""
+        columns = np.flatnonzero(self.standard.integer)
+        self.model.set_start(columns, np.round(z[columns]))
 
     def solve(self) -> Solution:
         """Solves; a MIP stopped by its limits returns its incumbent and its dual bound."""
         if np.isfinite(self.time_limit):
-            self.model.setOptionValue("time_limit", self.model.getRunTime() + self.time_limit)
-        self.model.run()
-        status = self.model.getModelStatus()
-        if status == STATUS.kUnboundedOrInfeasible:
+            self.model.limit_time(self.time_limit)
+        status = self.model.run()
+        if status is RunStatus.AMBIGUOUS:
             status = self._without_presolve()
-        if status == STATUS.kInfeasible:
+        if status is RunStatus.INFEASIBLE:
             return INFEASIBLE
-        if status == STATUS.kUnbounded:
+        if status is RunStatus.UNBOUNDED:
             return NOTHING
-        info = self.model.getInfo()
-        if info.primal_solution_status != 2:
-            return replace(NOTHING, bound=info.mip_dual_bound if self.is_mip else -np.inf)
-        found = self.model.getSolution()
-        z = _array(found.col_value)[: self.standard.n_columns]
-        done = status == STATUS.kOptimal
+        info = self.model.info
+        if not info.has_point:
+            return replace(NOTHING, bound=info.mip_bound if self.is_mip else -np.inf)
+        done = status is RunStatus.OPTIMAL
         if self.is_mip:
-            value = info.objective_function_value
-            return Solution("optimal" if done else "feasible", z, value, info.mip_dual_bound)
-        return self._linear(z, found, done, info.objective_function_value)
+            z = self.model.solution.values[: self.standard.n_columns]
+            return Solution("optimal" if done else "feasible", z, info.objective, info.mip_bound)
+        return self._linear(done, info.objective)
 
-    def _without_presolve(self) -> Any:
+    def _without_presolve(self) -> RunStatus:
         """Presolve cannot tell unbounded from infeasible; the simplex method can."""
-        _, presolve = self.model.getOptionValue("presolve")
-        self._set({"presolve": "off"})
-        self.model.run()
-        self._set({"presolve": presolve})
-        return self.model.getModelStatus()
+        presolve = self.model.option("presolve")
+        self.model.set_options({"presolve": "off"})
+        status = self.model.run()
+        self.model.set_options({"presolve": presolve})
+        return status
 
-    def _linear(self, z: Floats, found: Any, done: bool, value: float) -> Solution:
+    def _linear(self, done: bool, value: float) -> Solution:
         kind: Status = "optimal" if done else "feasible"
-        bound = value if done else -np.inf
+        bound, solution = value if done else -np.inf, self.model.solution
+        z = solution.values[: self.standard.n_columns]
         if not self.duals:
             return Solution(kind, z, value, bound)
-        prices = _array(found.col_dual)
-        start = prices[: self.standard.n_states]
-        return Solution(kind, z, value, bound, Duals(-_array(found.row_dual)), start)
+        state_price = solution.reduced_costs[: self.standard.n_states]
+        return Solution(kind, z, value, bound, Duals(solution.multipliers), state_price)
 
     def certified_bound(self, solution: Solution) -> float:
         """A bound that holds whatever the solver's tolerances, from its multipliers."""
-        if solution.duals is None or self._late.cuts or self._sent is None:
+        if solution.duals is None or self._later_cuts.cuts or self._sent is None:
             return solution.bound
-        v = self.lowered.vectors(self._sent)
-        low, high = self._sides(v)
-        return safe_bound(self._matrix(), v, low, high, solution.duals.rows)
+        v = self._with_extra_rows(self.lowered.vectors(self._sent))
+        return safe_bound(self._matrix(), v, solution.duals.rows)
 
     def conflict(self) -> list[str]:
         """Names of rows and columns that together admit no point; empty if none were found soon."""
-        self.model.setOptionValue("iis_strategy", 2)
-        self.model.setOptionValue("iis_time_limit", EXPLAIN_S)
-        _, iis = self.model.getIis()
-        n = self.standard.n_rows
-        rows = [self.standard.row_name(i) for i in iis.row_index_ if i < n]
-        others = [i for i in iis.row_index_ if i >= n]
-        columns = [j for j in iis.col_index_ if j < self.standard.n_columns]
-        bounds = [f"bounds of {self.standard.column_name(j)}" for j in columns]
-        return rows + ([f"{len(others)} rating or mode rows"] if others else []) + bounds
+        rows, columns = self.model.conflict(EXPLAIN_S)
+        n, standard = self.standard.n_rows, self.standard
+        names = [standard.row_name(i) for i in rows if i < n]
+        unnamed = sum(i >= n for i in rows)
+        bounds = [f"bounds of {standard.column_name(j)}" for j in columns if j < standard.n_columns]
+        return names + ([f"{unnamed} rating or mode rows"] if unnamed else []) + bounds
 
-    def missed(self, rows: Ints, most: int = 12) -> list[str]:
+    def missed(self, rows: Ints) -> list[str]:
         """Names of those of `rows` that have to be missed for all others to hold, the worst few."""
         penalty = np.full(self._matrix().shape[0], -1.0)
         penalty[rows] = 1.0
-        self.model.setOptionValue("time_limit", self.model.getRunTime() + EXPLAIN_S)
-        self.model.setOptionValue("mip_rel_gap", 0.5)
-        self.model.feasibilityRelaxation(-1.0, -1.0, 1.0, None, None, penalty)
-        z = _array(self.model.getSolution().col_value)[: self.standard.n_columns]
+        self.model.limit_time(EXPLAIN_S)
+        self.model.set_options({"mip_rel_gap": 0.5})
+        z = self.model.relaxed_point(penalty)[: self.standard.n_columns]
         if self._sent is None or len(z) < self.standard.n_columns:
             return []
         off = row_violations(self.standard, z, self._sent)[rows]
-        worst = [i for i in np.argsort(-off)[:most] if off[i] > CONFLICT_TOLERANCE]
-        return [self.standard.row_name(int(rows[i])) for i in sorted(worst)]
+        worst_rows = [i for i in np.argsort(-off)[:MAX_LISTED] if off[i] > CONFLICT_TOLERANCE]
+        return [self.standard.row_name(int(rows[i])) for i in sorted(worst_rows)]
 
 
-def _differ(new: Floats, old: Floats, *more: Floats) -> NDArray[np.int32]:
+def _differing(new: Floats, old: Floats, *more: Floats) -> Ints:
     """Where new and old, or another such pair, are not the same."""
     apart = new != old
     if more:
         apart |= more[0] != more[1]
-    return np.flatnonzero(apart).astype(np.int32)
-
-
-def _array(values: list[float]) -> Floats:
-    return np.fromiter(values, np.float64, len(values))
+    return np.flatnonzero(apart)

@@ -72,7 +72,7 @@ class Pyomo:
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the model is built at the first call."""
-        self.vectors = self.late.opened(vectors)
+        self.vectors = self.late.with_futures_open(vectors)
         v = self.lowered.vectors(self.vectors)
         old = self._sent
         if old is None:

@@ -21,23 +21,24 @@ from resilience.models.structures import SecondOrder
 def safe_bound(
     a: sp.csr_array,
     v: Vectors,
-    row_lower: Floats,
-    row_upper: Floats,
     rows: Floats,
     slope: Floats | None = None,
     offset: float = 0.0,
 ) -> float:
-    """The bound in $ from multipliers `rows`; `slope` and `offset` add the cones' share.
+    """The bound in $ from multipliers; those of inequalities with the wrong sign count as zero.
 
-    Multipliers of inequality rows with the wrong sign are set to zero.
+    Args:
+        a: (rows, columns).
+        v: cost, bounds and sides.
+        rows: (rows,) multipliers.
+        slope: (columns,) share of the cones, see `cone_share`.
+        offset: likewise.
     """
-    y, worth = _signed(row_lower, row_upper, rows)
+    y, worth = _signed(v, rows)
     d = v.cost + a.T @ y
     if slope is not None:
         d = d - slope
-    with np.errstate(invalid="ignore"):
-        least = np.minimum(d * v.lower, d * v.upper)
-    return float(v.offset + np.where(d == 0, 0.0, least).sum() - worth - offset)
+    return float(v.offset + _box_minimum(d, v) - worth - offset)
 
 
 def safe_cut(
@@ -49,22 +50,27 @@ def safe_cut(
         transposed: A', (columns, rows).
         v: cost, bounds and right-hand sides; those of `link` do not matter.
         rows: multipliers.
-        link: columns that stand for what is given from outside.
+        link: columns that are fixed from outside.
     """
-    y, worth = _signed(v.row_lower, v.row_upper, rows)
+    y, worth = _signed(v, rows)
     d = v.cost + transposed @ y
     beta = d[link]
     d[link] = 0.0
+    return float(v.offset + _box_minimum(d, v) - worth), beta
+
+
+def _box_minimum(d: Floats, v: Vectors) -> float:
+    """The minimum of d @ z over the bounds; a column without a price may have no bound."""
     with np.errstate(invalid="ignore"):
-        least = np.minimum(d * v.lower, d * v.upper)
-    return float(v.offset + np.where(d == 0, 0.0, least).sum() - worth), beta
+        lowest = np.minimum(d * v.lower, d * v.upper)
+    return float(np.where(d == 0, 0.0, lowest).sum())
 
 
-def _signed(row_lower: Floats, row_upper: Floats, rows: Floats) -> tuple[Floats, float]:
+def _signed(v: Vectors, rows: Floats) -> tuple[Floats, float]:
     """Multipliers with the signs that their rows allow, and their product with the rows' sides."""
-    y = np.where(np.isneginf(row_lower), np.maximum(rows, 0.0), rows)
-    y = np.where(np.isposinf(row_upper), np.minimum(y, 0.0), y)
-    sides = np.where(y > 0, row_upper, row_lower)
+    y = np.where(np.isneginf(v.row_lower), np.maximum(rows, 0.0), rows)
+    y = np.where(np.isposinf(v.row_upper), np.minimum(y, 0.0), y)
+    sides = np.where(y > 0, v.row_upper, v.row_lower)
     return y, float(y[y != 0] @ sides[y != 0])
 
 

@@ -187,10 +187,10 @@ class Recourse:
         given = self._given[k]
         solver, v = solvers[given.chain.program], self._vectors(k, state)
         if self._bases[k] is not None:
-            solver.model.setBasis(self._bases[k])
+            solver.resume_at(self._bases[k])
         solver.update(v)
         found = solver.solve()
-        self._bases[k] = solver.model.getBasis()
+        self._bases[k] = solver.basis()
         if found.z is None or found.status != "optimal":
             raise self._none(k, solver, found)
         assert found.duals is not None

@@ -103,7 +103,7 @@ def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
         world.situation(0).island, np.array([-1]), world.forecast(0),
     )  # fmt: skip
     mpc.act(seen)
-    value = mpc.program.solver.model.getInfo().objective_function_value
+    value = mpc.program.solver.model.info.objective
     assert value == pytest.approx(plan.objective, rel=1e-9)
 
 
