@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from small import small
 
 import resilience as rs
 from resilience.case import case_text
+from resilience.testing import small_case
 
 PLAN: dict[str, Any] = {
     "name": "small",
@@ -105,7 +105,7 @@ def test_a_plan_of_an_earlier_version_loads(tmp_path: Path) -> None:
 def test_a_plan_over_scenarios_of_an_earlier_version_loads(tmp_path: Path) -> None:
     folder = tmp_path / "old"
     text = written(folder, SCENARIO_PLAN)
-    case = small(buses=2, lines=[(1, 2, 0.0, 0.0)], grid=[GRID])
+    case = small_case(buses=2, lines=[(1, 2, 0.0, 0.0)], grid=[GRID])
     (folder / "case.toml").write_text(case_text(case), encoding="utf-8")
     down = np.array([[[False, False], [True, False]]])
     rs.Scenarios(("1-2",), down, np.array([0.5, 0.5])).save(folder / "outages.npz")
@@ -131,6 +131,6 @@ def test_a_summary_with_a_key_too_many_is_none_of_a_plan(tmp_path: Path) -> None
 
 
 def test_a_plan_knows_how_long_it_took() -> None:
-    plan = rs.solve(small(grid=[GRID]), "lp")
+    plan = rs.solve(small_case(grid=[GRID]), "lp")
     assert list(plan.seconds_by_phase) == ["case", "model", "linear program", "tie-break", "audit"]
     assert plan.seconds == sum(plan.seconds_by_phase.values()) > 0.0
