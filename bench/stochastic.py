@@ -68,10 +68,10 @@ def _row(name: str, case: Case, physics: str, n: int, more: int, limit_s: float)
         options = DecompositionOptions(
             gap=GAP, workers=os.cpu_count() or 1, start=program.mean_states()
         )
-        return program, lshaped(program.two, options)
+        return program, lshaped(program.two_stage, options)
 
     seconds, (program, solution) = timed(solve)
     assert solution.status == "optimal"
     gap = (solution.objective - solution.bound) / abs(solution.objective)
-    note = f"{program.storms.n} different, {solution.iterations} rounds, gap {gap:.1e}"
+    note = f"{program.distinct.n} different, {solution.iterations} rounds, gap {gap:.1e}"
     return below(name, seconds, limit_s, "s", note)

@@ -70,7 +70,7 @@ def of_plan(
     program: ScenarioProgram, solved: TwoStageSolution
 ) -> tuple[ScenarioOutcomes, dict[str, SlotTable]]:
     """What happens in every storm of a two-stage plan, audited, and the tables of its trunk."""
-    case, full, n = program.microgrid.case, program.full(), program.storms.n
+    case, full, n = program.microgrid.case, program.full(), program.distinct.n
     shape = (case.slots, n)
     found = ScenarioOutcomes(
         np.empty(n),
@@ -81,14 +81,16 @@ def of_plan(
         np.zeros((len(case.load), *shape)),
     )
     for k in range(n):
-        storm = program.storm_program(k, full)
+        storm = program.program_of(k, full)
         z = settle(full, whole_point(program, solved, k, full), storm.vectors)
         _take(found, k, storm, z)
         checked = audit(full, z, storm.vectors)
         for name, violation in checked.worst.items():
             if violation >= found.audit.get(name, -1.0):
                 found.audit[name] = violation
-                found.where[name] = f"{checked.where[name]} in scenario {program.storms.number[k]}"
+                found.where[name] = (
+                    f"{checked.where[name]} in scenario {program.distinct.number[k]}"
+                )
     trunk = program.trunk
     tables = tabulate(trunk, settle(trunk.standard, solved.trunk.copy(), trunk.vectors))
     return found, tables
@@ -98,7 +100,7 @@ def whole_point(
     program: ScenarioProgram, solved: TwoStageSolution, storm: int, full: Standard
 ) -> Floats:
     """A storm's trunk and chain as one point of the whole horizon."""
-    two, trunk = program.two, program.two.trunk
+    two, trunk = program.two_stage, program.two_stage.trunk
     first, own = own_columns(two.first), own_columns(full)
     z, chain = np.zeros(full.n_columns), int(program.chain[storm])
     leaves = min(int(program.leaves[storm]), trunk)

@@ -91,10 +91,10 @@ def described(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> 
         statistics=_statistics(outcomes.cost, shed_mwh, probability),
         worth=_worth(planned),
         scenarios=scenarios.n,
-        different=program.storms.n,
+        different=program.distinct.n,
         seed=scenarios.seed,
         process=scenarios.process,
-        common_slots=program.two.trunk,
+        common_slots=program.two_stage.trunk,
         half_left_at=_half_left_at(staying, horizon),
         bands={
             "energy": _band(outcomes.energy.sum(0), probability),
@@ -132,8 +132,8 @@ def _worth(planned: PlannedScenarios) -> InformationValue:
 
 def _staying(program: ScenarioProgram) -> Floats:
     """(slots of the trunk,) probability of following the common schedule still."""
-    chance, leaves = program.storms.probability, program.leaves
-    return np.array([chance[leaves > t].sum() for t in range(program.two.trunk)])
+    chance, leaves = program.distinct.probability, program.leaves
+    return np.array([chance[leaves > t].sum() for t in range(program.two_stage.trunk)])
 
 
 def _half_left_at(staying: Floats, horizon: Horizon) -> str | None:
@@ -146,7 +146,7 @@ def _episodes(planned: PlannedScenarios, shed_mwh: Floats) -> dict[str, Floats]:
     """(scenarios,) what is saved of each."""
     program, outcomes = planned.program, planned.outcomes
     return {
-        "leaves_slot": program.leaves[program.storms.of],
+        "leaves_slot": program.leaves[program.distinct.index],
         "probability": planned.scenarios.probability,
         "cost": outcomes.cost,
         "operating_cost": outcomes.operating_cost,

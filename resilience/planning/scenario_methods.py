@@ -9,7 +9,6 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
-from resilience.models.backends.base import Status
 from resilience.models.methods.answer import (
     Deadline,
     broken_facts,
@@ -29,8 +28,8 @@ from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE, SCENARIO_GAP
 
-FEW_STORMS = 50
-FEW_COLUMNS = 20_000  # of the extensive form; beyond, cutting is faster even with few scenarios
+MAX_SCENARIOS_EXTENSIVE = 50  # different ones; below, the extensive form is faster
+MAX_COLUMNS_EXTENSIVE = 20_000  # beyond, cutting is faster even with few scenarios
 MODE_ROUNDS = 3
 ALGORITHMS = {"extensive": extensive, "lshaped": lshaped}
 TITLES = {"extensive": "extensive form", "lshaped": "L-shaped method"}
@@ -68,7 +67,7 @@ def solve_scenario_program(
 
     Args:
         program: what to solve.
-        algorithm: extensive or lshaped; by the number of storms and the size if omitted.
+        algorithm: extensive or lshaped; by the number of scenarios and the size if omitted.
         relative_gap: gap at which to stop.
         time_limit: seconds for the search.
 
@@ -77,127 +76,128 @@ def solve_scenario_program(
         SolverError: a solver failed.
         UsageError: unknown algorithm, or physics with cones.
     """
-    two, clock = program.two, Deadline(time_limit)
+    two_stage, deadline = program.two_stage, Deadline(time_limit)
     algorithm = _algorithm(program, algorithm)
     with phase("mean-value plan"):
         start = program.mean_states()
     options = DecompositionOptions(relative_gap, time_limit, os.cpu_count() or 1, start)
-    first = ALGORITHMS[algorithm](two, options)
-    integers = bool(two.first.integer.any())
-    mean_cost = None if integers else first.start_cost
-    if mean_cost is None and start is not None and not integers:
+    relaxed = ALGORITHMS[algorithm](two_stage, options)
+    has_integers = bool(two_stage.first.integer.any())
+    mean_cost = None if has_integers else relaxed.start_cost
+    if mean_cost is None and start is not None and not has_integers:
         with phase("mean-value plan", "its recourse"):
-            mean_cost = costs_of(two, start)
-    kept = _kept(two, first, algorithm, options, clock)
-    found = replace(kept, bound=min(first.bound, kept.objective))
-    closed = gap(found.objective, found.bound) <= relative_gap
-    status: Status = "optimal" if closed else "feasible"
+            mean_cost = costs_of(two_stage, start)
+    solution = _with_modes_held(two_stage, relaxed, algorithm, options, deadline)
+    # Holding modes only narrows the program, so the bound of the relaxed one stays proven.
+    bound = min(relaxed.bound, solution.objective)
+    closed = gap(solution.objective, bound) <= relative_gap
     return ScenarioResult(
-        replace(found, status=status),
+        replace(solution, bound=bound, status="optimal" if closed else "feasible"),
         algorithm,
-        _left(two, found),
-        None if mean_cost is None else two.risk.of(mean_cost, first.probability),
-        first.objective,
+        _relaxed_facts(two_stage, solution),
+        None if mean_cost is None else two_stage.risk.of(mean_cost, relaxed.probability),
+        relaxed.objective,
     )
 
 
 def wait_and_see(program: ScenarioProgram) -> Floats:
-    """(storms,) proven bounds in $ on what each costs if it is known from the start."""
-    apart = scenario_program(program.microgrid, program.storms, common_slots=0)
-    two = apart.two
-    x0 = np.concatenate([np.empty(0), *(two.x0[name] for name in two.first.initial)])
+    """(distinct scenarios,) proven bounds in $ on what each costs, known from the start."""
+    two_stage = scenario_program(program.microgrid, program.distinct, common_slots=0).two_stage
+    x0 = np.concatenate([np.empty(0), *(two_stage.x0[name] for name in two_stage.first.initial)])
+    starts = np.tile(x0, (len(two_stage.chains), 1))
     with phase("clairvoyant bound"):
-        second = Recourse(two, workers=os.cpu_count() or 1).at(np.tile(x0, (len(two.chains), 1)))
+        second = Recourse(two_stage, workers=os.cpu_count() or 1).at(starts)
     return np.minimum(second.alpha + second.beta @ x0, second.cost)
 
 
-def costs_of(two: TwoStage, states: Floats) -> Floats | None:
+def costs_of(two_stage: TwoStage, states: Floats) -> Floats | None:
     """(scenarios,) $ with a trunk that passes through states (trunk nodes, states), if it can."""
-    trial = Master(two).held_at(states)
+    trial = Master(two_stage).held_at(states)
     if trial is None:
         return None
     cost = trial.spent.copy()
-    cost[:-1] += Recourse(two, workers=os.cpu_count() or 1).at(trial.states).cost
+    cost[:-1] += Recourse(two_stage, workers=os.cpu_count() or 1).at(trial.states).cost
     return cost
 
 
-def _algorithm(program: ScenarioProgram, wanted: str | None) -> str:
-    two = program.two
-    if two.first.structures_of(Cone):
+def _algorithm(program: ScenarioProgram, request: str | None) -> str:
+    """The algorithm that a user asks for, or that suits the size."""
+    two_stage = program.two_stage
+    if two_stage.first.structures_of(Cone):
         raise UsageError(
             "two-stage programs are linear and cannot hold the cones of distflow; "
             "allowed: copperplate, lindistflow",
             hint="certify the plan by AC power flow afterwards",
         )
-    if wanted is not None and wanted not in ALGORITHMS:
+    if request is not None and request not in ALGORITHMS:
         raise UsageError(
-            f"algorithm {wanted!r} is unknown; allowed: {', '.join(ALGORITHMS)}",
+            f"algorithm {request!r} is unknown; allowed: {', '.join(ALGORITHMS)}",
             hint="leave it out: the number of scenarios decides",
         )
-    columns = two.tree.n * two.first.forms[0].n_own
-    few = program.storms.n < FEW_STORMS
-    small = few and (columns <= FEW_COLUMNS or bool(two.first.integer.any()))
-    return wanted or ("extensive" if small else "lshaped")
+    columns = two_stage.tree.n * two_stage.first.forms[0].n_own
+    few = program.distinct.n < MAX_SCENARIOS_EXTENSIVE
+    is_small = few and (columns <= MAX_COLUMNS_EXTENSIVE or bool(two_stage.first.integer.any()))
+    return request or ("extensive" if is_small else "lshaped")
 
 
-def _kept(
-    two: TwoStage,
-    found: TwoStageSolution,
+def _with_modes_held(
+    two_stage: TwoStage,
+    relaxed: TwoStageSolution,
     algorithm: str,
     options: DecompositionOptions,
-    clock: Deadline,
+    deadline: Deadline,
 ) -> TwoStageSolution:
     """The plan with every mode that it broke held to its larger side, and polygons within discs
     where one was exceeded; as it was where that cannot be.
     """
-    begun = found
-    held: list[Ints] = []
-    holds: dict[int, list[Ints]] = {}
+    solution = relaxed
+    trunk_columns: list[Ints] = []
+    branch_columns: dict[int, list[Ints]] = {}
     for k in range(MODE_ROUNDS):
         broken, wide = False, False
-        for chain, (problem, z) in _pieces(two, found).items():
+        for chain, (problem, z) in _pieces(two_stage, solution).items():
             elements = broken_modes(problem, z)
             wide = wide or worst_violation(problem, z, Disc) > RELAXATION_TOLERANCE
             if elements:
                 broken = True
-                (held if chain < 0 else holds.setdefault(chain, [])).append(
+                (trunk_columns if chain < 0 else branch_columns.setdefault(chain, [])).append(
                     idle_columns(problem, z, elements)[0]
                 )
         if not (broken or wide):
-            return found
-        ends = [two.first.state_columns(node) for node in range(two.trunk)]
-        again = replace(
+            return solution
+        ends = [two_stage.first.state_columns(node) for node in range(two_stage.trunk)]
+        narrower = replace(
             options,
-            time_limit=max(clock.remaining_s, 1.0),
-            start=found.trunk[np.array(ends, np.intp)],
+            time_limit=max(deadline.remaining_s, 1.0),
+            start=solution.trunk[np.array(ends, np.intp)],
             discs="inner",
-            held=np.concatenate([np.empty(0, np.intp), *held]),
-            holds={chain: np.concatenate(at) for chain, at in holds.items()},
+            held=np.concatenate([np.empty(0, np.intp), *trunk_columns]),
+            holds={k: np.concatenate(columns) for k, columns in branch_columns.items()},
         )
         try:
             with phase("modes", f"round {k + 1}"):
-                found = ALGORITHMS[algorithm](two, again)
+                solution = ALGORITHMS[algorithm](two_stage, narrower)
         except InfeasibleError:
-            return begun
-    return found
+            return relaxed
+    return solution
 
 
-def _pieces(two: TwoStage, found: TwoStageSolution) -> dict[int, tuple[Standard, Floats]]:
+def _pieces(two_stage: TwoStage, solution: TwoStageSolution) -> dict[int, tuple[Standard, Floats]]:
     """The trunk as -1 and every chain by its number, with what it is a point of."""
-    pieces = {-1: (two.first, found.trunk)}
-    for k, (chain, z) in enumerate(zip(two.chains, found.points, strict=True)):
-        pieces[k] = two.programs[chain.program], z
+    pieces = {-1: (two_stage.first, solution.trunk)}
+    for k, (chain, z) in enumerate(zip(two_stage.chains, solution.points, strict=True)):
+        pieces[k] = two_stage.programs[chain.program], z
     return pieces
 
 
-def _left(two: TwoStage, found: TwoStageSolution) -> list[str]:
+def _relaxed_facts(two_stage: TwoStage, solution: TwoStageSolution) -> list[str]:
     """What the plan leaves relaxed: of the trunk, and of how many scenarios."""
     lines, scenarios = [], 0
-    for k, (problem, z) in _pieces(two, found).items():
-        left = broken_facts(problem, z)
+    for k, (problem, z) in _pieces(two_stage, solution).items():
+        facts = broken_facts(problem, z)
         if k < 0:
-            lines += [f"common slots: {line}" for line in left]
-        scenarios += k >= 0 and bool(left)
+            lines += [f"common slots: {line}" for line in facts]
+        scenarios += k >= 0 and bool(facts)
     if scenarios:
         lines.append(f"recourse: modes, ratings or integers do not hold in {scenarios} scenarios")
     return lines

@@ -32,31 +32,31 @@ class DistinctScenarios:
     """Scenarios, each kept once, in an order in which neighbours are alike.
 
     Attributes:
-        line_up: (lines of the case, slots, storms) False where a line is down.
-        probability: (storms,) of each.
-        of: (scenarios,) which storm every scenario is.
-        number: (storms,) the first of its scenarios.
+        line_up: (lines of the case, slots, distinct scenarios) False where a line is down.
+        probability: (distinct scenarios,) of each.
+        index: (scenarios,) which of the distinct ones every scenario is.
+        number: (distinct scenarios,) the first of the scenarios that it stands for.
     """
 
     line_up: Bools
     probability: Floats
-    of: Ints
+    index: Ints
     number: Ints
 
     @classmethod
     def among(cls, scenarios: Scenarios, case: Case) -> DistinctScenarios:
         """The different ones among some scenarios."""
         up = scenarios.line_up(case.network.line_names)
-        # Slot by slot, so that storms that begin alike lie side by side.
+        # Slot by slot, so that scenarios that begin alike lie side by side.
         path = np.packbits(~up.transpose(2, 1, 0).reshape(scenarios.n, -1), axis=1)
-        _, first, of = np.unique(path, axis=0, return_index=True, return_inverse=True)
+        _, first, index = np.unique(path, axis=0, return_index=True, return_inverse=True)
         chance = np.zeros(len(first))
-        np.add.at(chance, of.ravel(), scenarios.probability)
-        return cls(up[:, :, first], chance, of.ravel(), first)
+        np.add.at(chance, index.ravel(), scenarios.probability)
+        return cls(up[:, :, first], chance, index.ravel(), first)
 
     @property
     def n(self) -> int:
-        """Number of storms."""
+        """How many there are."""
         return len(self.probability)
 
     @property
@@ -65,25 +65,27 @@ class DistinctScenarios:
         return np.asarray(self.line_up.any(axis=2))
 
     def leaving(self) -> Ints:
-        """(storms,) first slot in which each differs from `common`; past the end: none."""
+        """(distinct scenarios,) first slot in which each leaves `common`; past the end: none."""
         apart = (self.line_up != self.common[:, :, None]).any(axis=0)
         return np.where(apart.any(axis=0), apart.argmax(axis=0), len(apart))
 
 
 @dataclass(frozen=True)
 class ScenarioProgram:
-    """The two-stage program of a case and its storms.
+    """The two-stage program of a case and its scenarios.
 
     Attributes:
-        two: trunk, chains and data.
-        storms: the storms; `leaves` says in which slot each leaves the trunk.
-        chain: (storms,) index in `two.chains` of every storm, -1 for the one that stays.
+        microgrid: the microgrid that is planned for.
+        two_stage: trunk, chains and data.
+        distinct: the scenarios, each kept once.
+        leaves: (distinct scenarios,) slot in which each leaves the trunk.
+        chain: (distinct scenarios,) index in `two_stage.chains` of each, -1 for the one that stays.
         slot: (nodes of the tree,) slot of every node.
     """
 
     microgrid: Microgrid
-    two: TwoStage
-    storms: DistinctScenarios
+    two_stage: TwoStage
+    distinct: DistinctScenarios
     leaves: Ints
     chain: Ints
     slot: Ints = field(repr=False)
@@ -93,17 +95,17 @@ class ScenarioProgram:
 
         None where mean data has no plan.
         """
-        chance = self.two.tree.probability
+        chance = self.two_stage.tree.probability
         data = {}
-        for name, values in self.two.data.items():
-            wide = np.broadcast_to(values, (len(values), self.two.tree.n))
+        for name, values in self.two_stage.data.items():
+            wide = np.broadcast_to(values, (len(values), self.two_stage.tree.n))
             sums = [np.bincount(self.slot, chance * row, self.slots) for row in wide]
             data[name] = np.array(sums).reshape(len(values), self.slots)
         problem = self.full()
         solver = Highs(lower(problem, integer="none", modes={}))
-        solver.update(problem.vectors(data, self.two.x0))
+        solver.update(problem.vectors(data, self.two_stage.x0))
         z = solver.solve().z
-        ends = [problem.state_columns(t) for t in range(self.two.trunk)]
+        ends = [problem.state_columns(t) for t in range(self.two_stage.trunk)]
         return None if z is None else z[np.array(ends, np.intp)]
 
     @property
@@ -112,33 +114,37 @@ class ScenarioProgram:
         return self.microgrid.case.slots
 
     def full(self) -> Standard:
-        """The whole horizon as one chain: what a storm's trunk and chain make together."""
+        """The whole horizon as one chain: what a scenario's trunk and chain make together."""
         labels = [self.microgrid.case.slot_label(t) for t in range(self.slots)]
-        return unroll(self.two.stages, Tree.chain(labels), self.two.cuts)
+        return unroll(self.two_stage.stages, Tree.chain(labels), self.two_stage.cuts)
 
-    def storm_program(self, storm: int, full: Standard) -> CaseProgram:
-        """The whole horizon of one storm, with its data."""
-        situation = self.microgrid.situation(self.storms.line_up[:, :, storm])
+    def program_of(self, scenario: int, full: Standard) -> CaseProgram:
+        """The whole horizon of one of the distinct scenarios, with its data."""
+        situation = self.microgrid.situation(self.distinct.line_up[:, :, scenario])
         return CaseProgram(
-            self.microgrid, full, situation, self.microgrid.data(situation), dict(self.two.x0)
+            self.microgrid, full, situation, self.microgrid.data(situation), dict(self.two_stage.x0)
         )
 
     @property
     def trunk(self) -> CaseProgram:
         """The common slots, with their data."""
-        at = np.arange(self.two.trunk)
+        slots = np.arange(self.two_stage.trunk)
         case = self.microgrid.case
         situation = self.microgrid.situation(
-            self.storms.common[:, at], lambda name: case.profile(name)[at]
+            self.distinct.common[:, slots], lambda name: case.profile(name)[slots]
         )
         return CaseProgram(
-            self.microgrid, self.two.first, situation, self.two.first_data, dict(self.two.x0)
+            self.microgrid,
+            self.two_stage.first,
+            situation,
+            self.two_stage.first_data,
+            dict(self.two_stage.x0),
         )
 
 
 def scenario_program(
     microgrid: Microgrid,
-    storms: DistinctScenarios,
+    distinct: DistinctScenarios,
     *,
     common_slots: int | None = None,
     risk: Risk | None = None,
@@ -147,70 +153,70 @@ def scenario_program(
 
     Args:
         microgrid: the microgrid, see `microgrid_with_fallible_lines`.
-        storms: its storms.
-        common_slots: slots after which every storm goes its own way; None: each leaves the trunk
+        distinct: its scenarios.
+        common_slots: slots after which every scenario goes its own way; None: each leaves the trunk
             when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.
-        risk: the objective over storms, expected cost if omitted.
+        risk: the objective over scenarios, expected cost if omitted.
 
     Raises:
-        UsageError: storms that differ within the slots that are to be common.
+        UsageError: scenarios that differ within the slots that are to be common.
     """
     case = microgrid.case
-    leaves = storms.leaving()
+    leaves = distinct.leaving()
     if common_slots is not None:
-        _check_common(case, storms, leaves, common_slots)
-        leaves = np.full(storms.n, common_slots)
+        _check_common(case, distinct, leaves, common_slots)
+        leaves = np.full(distinct.n, common_slots)
     trunk = max(int(min(leaves.max(), case.slots)), 1)
     stays = leaves >= case.slots
-    tree, slot, chain = _comb(case, storms, leaves, trunk)
-    line_up = np.empty((len(storms.line_up), tree.n), bool)
-    line_up[:, :trunk] = storms.common[:, :trunk]
+    tree, slot, chain = _trunk_and_branches(case, distinct, leaves, trunk)
+    line_up = np.empty((len(distinct.line_up), tree.n), bool)
+    line_up[:, :trunk] = distinct.common[:, :trunk]
     for k in np.flatnonzero(~stays):
         nodes = slice(*_span(leaves, stays, trunk, case.slots, int(k)))
-        line_up[:, nodes] = storms.line_up[:, leaves[k] :, k]
+        line_up[:, nodes] = distinct.line_up[:, leaves[k] :, k]
     situation = microgrid.situation(line_up, lambda name: case.profile(name)[slot])
     stages, data = [microgrid.stage(case.step_h)], microgrid.data(situation)
-    two = TwoStage(
+    two_stage = TwoStage(
         stages, tree, trunk, data, microgrid.start(), terminal_cuts(case), risk or Risk()
     )
-    return ScenarioProgram(microgrid, two, storms, leaves, chain, slot)
+    return ScenarioProgram(microgrid, two_stage, distinct, leaves, chain, slot)
 
 
-def _span(leaves: Ints, stays: Bools, trunk: int, slots: int, storm: int) -> tuple[int, int]:
-    """First and last + 1 node of a storm's chain."""
+def _span(leaves: Ints, stays: Bools, trunk: int, slots: int, scenario: int) -> tuple[int, int]:
+    """First and last + 1 node of a scenario's chain."""
     lengths = np.where(stays, 0, slots - leaves)
-    start = trunk + int(lengths[:storm].sum())
-    return start, start + int(lengths[storm])
+    start = trunk + int(lengths[:scenario].sum())
+    return start, start + int(lengths[scenario])
 
 
-def _comb(
-    case: Case, storms: DistinctScenarios, leaves: Ints, trunk: int
+def _trunk_and_branches(
+    case: Case, distinct: DistinctScenarios, leaves: Ints, trunk: int
 ) -> tuple[Tree, Ints, Ints]:
-    """The tree, the slot of every node, and the number of every storm's chain."""
+    """The tree, the slot of every node, and the number of every scenario's chain."""
     stays = leaves >= case.slots
-    chance, names = storms.probability, [case.slot_label(t) for t in range(case.slots)]
-    on = [chance[leaves > t].sum() for t in range(trunk)]
-    parent, slot, weight = [np.arange(trunk) - 1], [np.arange(trunk)], [np.array(on)]
-    labels, chain, at, n = names[:trunk], np.full(storms.n, -1), 0, trunk
+    chance, names = distinct.probability, [case.slot_label(t) for t in range(case.slots)]
+    staying = [chance[leaves > t].sum() for t in range(trunk)]
+    parent, slot, weight = [np.arange(trunk) - 1], [np.arange(trunk)], [np.array(staying)]
+    labels, chain, number, n = names[:trunk], np.full(distinct.n, -1), 0, trunk
     for k in np.flatnonzero(~stays):
         length = case.slots - int(leaves[k])
         parent.append(np.concatenate([[leaves[k] - 1], n + np.arange(length - 1)]))
         slot.append(np.arange(leaves[k], case.slots))
         weight.append(np.full(length, chance[k]))
-        labels += [f"{name}{IN}scenario {storms.number[k]}" for name in names[leaves[k] :]]
-        chain[k] = at
-        at, n = at + 1, n + length
+        labels += [f"{name}{IN}scenario {distinct.number[k]}" for name in names[leaves[k] :]]
+        chain[k] = number
+        number, n = number + 1, n + length
     joined = np.concatenate(parent)
     tree = Tree(joined, np.concatenate(weight), np.zeros(n, np.intp), tuple(labels))
     return tree, np.concatenate(slot), chain
 
 
-def _check_common(case: Case, storms: DistinctScenarios, leaves: Ints, common_slots: int) -> None:
+def _check_common(case: Case, distinct: DistinctScenarios, leaves: Ints, common_slots: int) -> None:
     first = int(leaves.min())
     if not 0 <= common_slots < case.slots or common_slots > first:
         k = int(leaves.argmin())
         raise UsageError(
             f"{common_slots} common slots; allowed: 0 to {min(first, case.slots - 1)}, because "
-            f"scenario {storms.number[k]} has an outage of its own from slot {first} on",
+            f"scenario {distinct.number[k]} has an outage of its own from slot {first} on",
             hint="leave it out: each scenario then leaves when its own outage shows",
         )

@@ -127,10 +127,10 @@ def plan_in_two_stages(
     risk = options.get("risk")
     risk = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
     with phase("model"):
-        storms = DistinctScenarios.among(scenarios, case)
+        distinct = DistinctScenarios.among(scenarios, case)
         microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
         program = scenario_program(
-            microgrid, storms, common_slots=options.get("common_slots"), risk=risk
+            microgrid, distinct, common_slots=options.get("common_slots"), risk=risk
         )
     result = solve_scenario_program(
         program,
@@ -138,11 +138,11 @@ def plan_in_two_stages(
         relative_gap=limits.gap,
         time_limit=limits.time_limit,
     )
-    clairvoyant_cost = wait_and_see(program)[storms.of]
+    clairvoyant_cost = wait_and_see(program)[distinct.index]
     with phase("audit"):
-        distinct, tables = outcomes.of_plan(program, result.solved)
-    happening = distinct.at(storms.of)
-    objective = risk.of(happening.cost, scenarios.probability)
+        distinct_outcomes, tables = outcomes.of_plan(program, result.solved)
+    scenario_outcomes = distinct_outcomes.at(distinct.index)
+    objective = risk.of(scenario_outcomes.cost, scenarios.probability)
     # Capped, since settling the plan may move its cost a hair below the solver's bound; a bound
     # that is wrong by more is hidden, too.
     bound = min(result.solved.bound, objective)
@@ -154,7 +154,7 @@ def plan_in_two_stages(
         algorithm=TITLES[result.algorithm],
         program=program,
         scenarios=scenarios,
-        outcomes=happening,
+        outcomes=scenario_outcomes,
         clairvoyant_cost=clairvoyant_cost,
         risk=risk,
         certificate=Certificate(
@@ -163,8 +163,8 @@ def plan_in_two_stages(
             gap=gap(objective, bound),
             bound_of=f"two-stage program on {physics}",
             relaxed=result.relaxed,
-            audit=happening.audit,
-            audit_worst=happening.audit_worst,
+            audit=scenario_outcomes.audit,
+            audit_worst=scenario_outcomes.audit_worst,
         ),
         notes=[] if result.solved.status == "optimal" else [OUT_OF_TIME],
         tables=tables,
@@ -177,26 +177,26 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     """What a dispatcher does in the same scenarios."""
     risk = Risk()
     with phase("model"):
-        storms = DistinctScenarios.among(scenarios, case)
+        distinct = DistinctScenarios.among(scenarios, case)
         microgrid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
         world = World.of(microgrid, scenarios)
-        program = scenario_program(microgrid, storms)
+        program = scenario_program(microgrid, distinct)
     with phase("dispatch", method):
         trajectory = simulate(world, DISPATCHERS[method](world))
-    clairvoyant_cost = wait_and_see(program)[storms.of]
-    happening = outcomes.of_run(world, trajectory)
-    objective = risk.of(happening.cost, scenarios.probability)
+    clairvoyant_cost = wait_and_see(program)[distinct.index]
+    scenario_outcomes = outcomes.of_run(world, trajectory)
+    objective = risk.of(scenario_outcomes.cost, scenarios.probability)
     # Capped, since the simulator's recourse and the bound's solver round differently; a bound that
     # is wrong by more is hidden, too.
     bound = min(risk.of(clairvoyant_cost, scenarios.probability), objective)
-    longest = int(np.argmax(program.leaves[storms.of]))
+    longest = int(np.argmax(program.leaves[distinct.index]))
     return PlannedScenarios(
         method=method,
         physics="copperplate",
         algorithm="simulation",
         program=program,
         scenarios=scenarios,
-        outcomes=happening,
+        outcomes=scenario_outcomes,
         clairvoyant_cost=clairvoyant_cost,
         risk=risk,
         certificate=Certificate(
@@ -205,29 +205,32 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
             gap=gap(objective, bound),
             bound_of="every scenario known beforehand, on copperplate",
             relaxed=[],
-            audit=happening.audit,
-            audit_worst=happening.audit_worst,
+            audit=scenario_outcomes.audit,
+            audit_worst=scenario_outcomes.audit_worst,
         ),
         notes=[],
-        tables=_common_schedule(program, happening, longest),
+        tables=_common_schedule(program, scenario_outcomes, longest),
         mean_value_cost=None,
         value_of_stochastic_solution=None,
     )
 
 
 def _common_schedule(
-    program: ScenarioProgram, happening: ScenarioOutcomes, scenario: int
+    program: ScenarioProgram, scenario_outcomes: ScenarioOutcomes, scenario: int
 ) -> dict[str, SlotTable]:
     """The common schedule of a dispatcher: what it does in the scenario that stays longest."""
-    case, common = program.microgrid.case, slice(0, program.two.trunk)
+    case, common = program.microgrid.case, slice(0, program.two_stage.trunk)
     units, loads = tuple(u.name for u in case.ess), tuple(load.name for load in case.load)
-    power, energy = happening.power[:, common, scenario], happening.energy[:, common, scenario]
-    tables = {"power": SlotTable(happening.devices, power)}
+    power, energy = (
+        scenario_outcomes.power[:, common, scenario],
+        scenario_outcomes.energy[:, common, scenario],
+    )
+    tables = {"power": SlotTable(scenario_outcomes.devices, power)}
     if units:
         size = np.array([unit.e_mwh for unit in case.ess])[:, None]
         tables |= {"energy": SlotTable(units, energy), "soc": SlotTable(units, energy / size)}
     if loads:
-        shed = happening.shed[:, common, scenario]
+        shed = scenario_outcomes.shed[:, common, scenario]
         served = -power[len(power) - len(loads) :]
         tables |= {"demand": SlotTable(loads, served + shed), "shed": SlotTable(loads, shed)}
     return tables

@@ -206,7 +206,7 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     assert cut.solved.objective == pytest.approx(whole.solved.objective, rel=1e-7)
     assert cut.mean_value == pytest.approx(whole.mean_value, rel=1e-7)
     assert cut.mean_value >= cut.stochastic - 1e-9
-    assert risk.of(wait_and_see(program), program.storms.probability) <= cut.solved.bound + 1e-6
+    assert risk.of(wait_and_see(program), program.distinct.probability) <= cut.solved.bound + 1e-6
 
 
 def test_lindistflow_costs_no_less_than_copperplate(feeder: Case) -> None:
