@@ -45,7 +45,7 @@ Reduce = Annotated[
 
 
 class BellOptions(TypedDict):
-    """Fields of `Bell` as a command line gives them; None: as the case says."""
+    """Fields of `Bell` as a command line gives them, documented there; None: as the case says."""
 
     probability: float | None
     height: float | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 from typer import Argument, Option
 
@@ -77,6 +77,14 @@ Days = Annotated[
         help="Days of an episode, the last of the profiles; 16; with a storm, the case's horizon."
     ),
 ]
+ScenarioCount = Annotated[int, Option("-n", help="How many.")]
+ScenarioSeed = Annotated[int, Option(help="The same seed draws the same scenarios.")]
+WholeDays = Annotated[
+    int | None, Option(help="Whole days from the start; the case's horizon if omitted.")
+]
+ScenarioOut = Annotated[
+    Path | None, Option(help="File to write: .npz keeps everything, .csv the outages.")
+]
 Track = Annotated[
     Path | None,
     Option(
@@ -146,3 +154,17 @@ ReportFolder = Annotated[
     Path | None,
     Option(help="Folder for the report and its data; an interrupted run goes on from it."),
 ]
+
+
+class TrackOptions(TypedDict):
+    """The storm to draw for, as a command line gives it; None: the case's.
+
+    Attributes:
+        track: its file.
+        storm: which one, of several in the file.
+        averaging_s: of the file's winds, s, where it does not say.
+    """
+
+    track: Path | None
+    storm: str | None
+    averaging_s: float | None

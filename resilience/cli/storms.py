@@ -17,14 +17,10 @@ if TYPE_CHECKING:
 
 def scenarios(
     case: options.CaseName,
-    n: Annotated[int, typer.Option("-n", help="How many.")] = 200,
-    seed: Annotated[int, typer.Option(help="The same seed draws the same scenarios.")] = 0,
-    days: Annotated[
-        int | None, typer.Option(help="Whole days from the start; the case's horizon if omitted.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="File to write: .npz keeps everything, .csv the outages.")
-    ] = None,
+    n: options.ScenarioCount = 200,
+    seed: options.ScenarioSeed = 0,
+    days: options.WholeDays = None,
+    out: options.ScenarioOut = None,
     probability: bell_options.Probability = None,
     height: bell_options.Height = None,
     sigma_slots: bell_options.SigmaSlots = None,
@@ -69,35 +65,28 @@ def scenarios(
         "centre_error_slots": centre_error_slots,
         "rate": rate,
     }
-    drawn = draw(
-        loaded,
-        n,
-        seed,
-        days=days,
-        track=track,
-        storm=storm,
-        averaging_s=averaging_s,
-        shift=shift,
-        **bell,
-    )
+    of_track: options.TrackOptions = {"track": track, "storm": storm, "averaging_s": averaging_s}
+    drawn = draw(loaded, n, seed, days=days, shift=shift, **of_track, **bell)
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
         drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
     if out is not None:
         drawn.save(out)
-    if as_json:
-        typer.echo(json.dumps(fragility.summary(drawn, loaded), indent=2, allow_nan=False))
-        return
-    _print_scenarios(drawn, loaded)
-    terminal.print_written(("scenarios", out))
+    _print_scenarios(drawn, loaded, out, as_json)
 
 
-def _print_scenarios(drawn: Scenarios, case: Case) -> None:
+def _print_scenarios(drawn: Scenarios, case: Case, out: Path | None, as_json: bool) -> None:
     from rich.console import Console
 
+    from resilience import fragility
     from resilience.text.scenarios import print_scenarios
 
+    if as_json:
+        typer.echo(json.dumps(fragility.summary(drawn, case), indent=2, allow_nan=False))
+        return
+
     print_scenarios(drawn, case, Console())
+    terminal.print_written(("scenarios", out))
 
 
 def hazard(

@@ -22,7 +22,8 @@ from resilience.models.program.unroll import unroll
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 
-STEEPEST = {"simplex_dual_edge_weight_strategy": -1}  # of a long horizon: half the time of Devex
+LONG_HORIZON_OPTIONS = {"simplex_dual_edge_weight_strategy": -1}
+"""Steepest edge, which HiGHS chooses itself: half the time of Devex on a long horizon."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,13 @@ class Bound:
     charging: Floats
 
 
-def clairvoyant(world: World, on_scenario: Callable[[], None] | None = None) -> Bound:
-    """Solves every scenario over the whole horizon; outages, load and PV are known in advance.
+def clairvoyant(world: World) -> Bound:
+    """The optimum of every scenario over the whole horizon, everything known in advance.
 
     Where the state of charge is reset every midnight, every day is a horizon of its own.
 
     Args:
         world: the storms.
-        on_scenario: called after every one.
     """
     case, n = world.microgrid.case, world.scenarios.n
     objective = np.zeros(n)
@@ -55,13 +55,11 @@ def clairvoyant(world: World, on_scenario: Callable[[], None] | None = None) -> 
     for slots in spans:
         if len(slots) not in programs:
             programs[len(slots)] = _BoundProgram(world, len(slots))
-        programs[len(slots)].calm(slots)
+        program = programs[len(slots)]
+        program.solve_calm(slots)
         for k in range(n):
-            least, charge = programs[len(slots)].solve(slots, k)
-            objective[k] += least
-            charging[:, slots, k] = charge
-            if on_scenario is not None and slots[-1] == case.slots - 1:
-                on_scenario()
+            bound, charging[:, slots, k] = program.solve(slots, k)
+            objective[k] += bound
     return Bound(objective, charging)
 
 
@@ -69,53 +67,55 @@ class _BoundProgram:
     """The linear program over a number of slots."""
 
     def __init__(self, world: World, slots: int) -> None:
-        self.world, plain = world, world.microgrid.physics != "copperplate"
-        self.small = MergedGrid(world.microgrid, {}) if plain else merged_grid(world.microgrid.case)
-        microgrid = self.small.microgrid
+        self.world, case = world, world.microgrid.case
+        # Buses can be merged where lines carry anything.
+        is_lossless = world.microgrid.physics == "copperplate"
+        self.merged = merged_grid(case) if is_lossless else MergedGrid(world.microgrid, {})
+        microgrid = self.merged.microgrid
         tree = Tree.chain([f"t{t}" for t in range(slots)])
         cuts = terminal_cuts(microgrid.case, world.end_value_per_mwh)
         self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
         self.solver = Highs(lower(self.standard, integer="none", modes={}))
-        self.solver.tune(STEEPEST)
+        self.solver.tune(LONG_HORIZON_OPTIONS)
         nothing = np.empty((0, slots), np.intp)
         self.storage = [
             self.standard.columns(f"ess.{way}") if microgrid.case.ess else nothing
             for way in ("charge", "discharge")
         ]
 
-    def calm(self, slots: Ints) -> None:
+    def solve_calm(self, slots: Ints) -> None:
         """Solves the forecast without outages, from scratch, and remembers its basis."""
         case = self.world.microgrid.case
         self.solver.forget()
-        self._take(slots, np.ones((len(self.world.line_up), len(slots)), bool), case.profile)
+        self._update(slots, np.ones((len(self.world.line_up), len(slots)), bool), case.profile)
         self.solver.solve()
         self.basis = self.solver.basis()
 
     def solve(self, slots: Ints, k: int) -> tuple[float, Floats]:
-        """The least that scenario k can cost, and (units, slots) the charging that does it, MW."""
+        """A proven bound on what scenario k costs, $, and (units, slots) its charging, MW."""
         world = self.world
         names = [None, *world.microgrid.case.profiles]
         every = np.arange(world.microgrid.case.slots)
         true = {name: world.profile(name, every)[:, k] for name in names}
-        self._take(slots, world.line_up[:, slots, k], true.__getitem__)
+        self._update(slots, world.line_up[:, slots, k], true.__getitem__)
         self.solver.start_at(self.basis)
-        found = self.solver.solve()
-        charge, discharge = (found.point[columns] for columns in self.storage)
-        return self.solver.certified_bound(found), charge - discharge
+        solution = self.solver.solve()
+        charge, discharge = (solution.point[columns] for columns in self.storage)
+        return self.solver.certified_bound(solution), charge - discharge
 
-    def _take(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
-        microgrid = self.small.microgrid
-        seen = self.small.profile(lambda name: profile(name)[slots])
-        data = microgrid.data(microgrid.situation(up, seen))
+    def _update(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
+        microgrid = self.merged.microgrid
+        of_slots = self.merged.profile(lambda name: profile(name)[slots])
+        data = microgrid.data(microgrid.situation(up, of_slots))
         self.solver.update(self.standard.vectors(data, microgrid.start()))
 
 
 class Replay:
-    """Does what it was told in advance: a plan, or the clairvoyant's decisions."""
+    """Does what was decided in advance: a plan's decisions, or the clairvoyant's."""
 
     def __init__(self, name: str, charging: Floats) -> None:
         self.name, self.charging = name, charging
 
-    def act(self, seen: Observation) -> Floats:
+    def act(self, observation: Observation) -> Floats:
         """(units, batch) the decisions of slot t."""
-        return self.charging[:, seen.t]
+        return self.charging[:, observation.t]

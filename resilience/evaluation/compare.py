@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from resilience.case import Case, load_case
 from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, check_names
 from resilience.errors import UsageError
-from resilience.evaluation.ac_check import ac_check_trajectory
+from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import demand, measure
@@ -36,6 +35,7 @@ from resilience.simulation.forecast import (
     ForecastError,
     sample_outlook,
 )
+from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 ERRORS = {
@@ -67,9 +67,6 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
 ) -> Report:
     """Runs dispatchers over the test days, every one of them on the same outage draws.
 
-    Numbers do not depend on `workers` and `engine`. With `out`, every finished part is on disk at
-    once, and a call that was interrupted goes on from there.
-
     Args:
         case: a case, its file, or the name of an installed one.
         methods: names from `DISPATCHERS`, or names with a function from a world to a dispatcher;
@@ -85,28 +82,30 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
             correlation 0.97, "gaussian" with none (the paper's), "SIGMA,RHO", or None: not at all.
         known_centre: operators are told at midnight where the day's hazard is forecast to peak.
         reset_daily: the state of charge starts anew every midnight; the report warns of it.
-        workers: processes.
-        engine: local, dask or ray.
+        workers: processes; numbers do not depend on them.
+        engine: local, dask or ray; nor on it.
         ac: certifies all trajectories by AC power flow.
-        out: folder for the report and for what is needed to go on after an interruption.
+        out: folder for the report; every finished part is written to it at once, and a call that
+            was interrupted goes on from there.
 
     Raises:
         CaseError: the case has mistakes; all of them are listed.
         UsageError: an unknown method, engine or forecast error; more days than the profiles keep
             for tests; scenarios of another horizon; physics that nothing simulates.
     """
-    makers, error = _factories(methods), parse_error(forecast_error)
+    makers, error = _makers(methods), parse_error(forecast_error)
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
-    outlook = None
-    if error is not None:
-        outlook = sample_outlook(case, error, storms.n, _error_seed(seed))
-    error_text = f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
-    rules: dict[str, Any] = {"known_centre": known_centre, "reset_daily": reset_daily}
-    rules |= {"end_value_per_mwh": end_value_per_mwh, "outlook": outlook}
-    world = World.of(microgrid_with_fallible_lines(case, storms, physics), storms, **rules)
+    world = World.of(
+        microgrid_with_fallible_lines(case, storms, physics),
+        storms,
+        end_value_per_mwh=end_value_per_mwh,
+        outlook=sample_outlook(case, error, storms.n, _error_seed(seed)) if error else None,
+        known_centre=known_centre,
+        reset_daily=reset_daily,
+    )
     return evaluate(
-        world, makers, workers=workers, engine=engine, ac=ac, out=out, forecast_error=error_text
+        world, makers, workers=workers, engine=engine, ac=ac, out=out, forecast_error=_text(error)
     )
 
 
@@ -141,7 +140,7 @@ def evaluate(
     Raises:
         UsageError: an unknown method or engine, or a folder that holds something else.
     """
-    makers: dict[str, Factory] = _factories(methods)
+    makers: dict[str, Factory] = _makers(methods)
     makers[REFERENCE] = DISPATCHERS[REFERENCE]
     check_engine(engine, workers)
     store = None
@@ -150,13 +149,6 @@ def evaluate(
         store = Store(Path(out))
     by_name = run_all(world, makers, workers=workers, engine=engine, store=store)
     trajectories = {name: by_name[name] for name in (*makers, BOUND)}
-    certificates = None
-    if ac:
-        with phase("AC power flow"):
-            certificates = {
-                name: ac_check_trajectory(world, trajectory)
-                for name, trajectory in trajectories.items()
-            }
     demand_mw = demand(world)
     if forecast_error is None:
         forecast_error = "none" if world.outlook is None else "given"
@@ -167,7 +159,7 @@ def evaluate(
             name: measure(world, trajectory, demand_mw) for name, trajectory in trajectories.items()
         },
         bound=proven_bound(trajectories[BOUND]),
-        certificates=certificates,
+        certificates=_ac_checks(world, trajectories) if ac else None,
         forecast_error=forecast_error,
     )
     if out is not None:
@@ -176,7 +168,18 @@ def evaluate(
     return report
 
 
-def _factories(methods: Methods) -> dict[str, Factory]:
+def _ac_checks(
+    world: World, trajectories: Mapping[str, Trajectory]
+) -> dict[str, TrajectoryACCheck]:
+    """Method to what AC power flow says of its trajectory."""
+    with phase("AC power flow"):
+        return {
+            name: ac_check_trajectory(world, trajectory)
+            for name, trajectory in trajectories.items()
+        }
+
+
+def _makers(methods: Methods) -> dict[str, Factory]:
     """How to make every method.
 
     Raises:
@@ -217,6 +220,11 @@ def parse_error(text: ForecastError | str | None) -> ForecastError | None:
             hint="0.025,0.97 is measured: a standard deviation of 2.5 % that lasts for hours",
         ) from None
     return ForecastError(sigma, correlation)
+
+
+def _text(error: ForecastError | None) -> str:
+    """How a report calls a forecast error."""
+    return f"sigma {error.sigma:g}, correlation {error.correlation:g}" if error else "none"
 
 
 def _error_seed(seed: int) -> int:
