@@ -8,11 +8,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from resilience.progress import Meter, watching
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.progress import Progress
 
 QUIET_S = 2.0  # shorter work needs no progress lines where there is no terminal
@@ -28,24 +29,26 @@ class Ticker(logging.Handler):
 
     def __init__(self, live: Progress | None, quiet_s: float) -> None:
         super().__init__()
-        self.live, self.quiet_s = live, quiet_s
+        self.quiet_s = quiet_s
         self.began = time.perf_counter()
-        self.task: Any = None if live is None else live.add_task("starting", total=None)
+        self.task = None if live is None else (live, live.add_task("starting", total=None))
 
     def emit(self, record: logging.LogRecord) -> None:
         """Shows one message; lines only once the work has lasted `quiet_s` seconds."""
         seconds = time.perf_counter() - self.began
-        if self.live is not None:
-            self.live.update(self.task, description=record.getMessage())
+        if self.task is not None:
+            live, task = self.task
+            live.update(task, description=record.getMessage())
         elif seconds >= self.quiet_s:
             print(f"{seconds:6.1f} s  {record.getMessage()}", file=sys.stderr, flush=True)
 
     def count(self, meter: Meter) -> None:
         """Moves the bar; one that is full gives way to the spinner."""
-        if self.live is not None:
+        if self.task is not None:
+            live, task = self.task
             total = meter.total if meter.done < meter.total else None
             text = f"{meter.kind} ({meter.detail})" if meter.detail else meter.kind
-            self.live.update(self.task, description=text, completed=meter.done, total=total)
+            live.update(task, description=text, completed=meter.done, total=total)
 
 
 @contextmanager
@@ -70,7 +73,7 @@ def progress(verbose: bool) -> Iterator[None]:
         log.removeHandler(ticker)
 
 
-def _display(console: Any) -> Progress:
+def _display(console: Console) -> Progress:
     from rich.progress import (
         BarColumn,
         Progress,

@@ -91,7 +91,7 @@ def _sddp(world: World) -> Dispatcher:
     return Sddp(world)
 
 
-DISPATCHERS: dict[str, DispatcherEntry] = {
+DISPATCHERS: dict[str, Factory] = {
     "idle": DispatcherEntry(_idle, batched=True),
     "greedy": DispatcherEntry(_greedy, batched=True),
     "rule": DispatcherEntry(partial(_rule, level=0.5), batched=True),
@@ -102,7 +102,7 @@ DISPATCHERS: dict[str, DispatcherEntry] = {
     "stochastic-cvar": DispatcherEntry(_stochastic_cvar),
     "sddp": DispatcherEntry(_sddp, plans_for="many"),
 }
-"""Each dispatcher by name; `register_dispatcher` adds to them."""
+"""What makes each dispatcher, by name; `register_dispatcher` adds to them."""
 
 
 def register_dispatcher(
@@ -142,7 +142,9 @@ def names_planning_for(futures: Futures, names: Iterable[str]) -> list[str]:
     """Those among some names that plan for one future, or for many, in the registry's order."""
     among = set(names)
     return [
-        name for name, entry in DISPATCHERS.items() if entry.plans_for == futures and name in among
+        name
+        for name, factory in DISPATCHERS.items()
+        if name in among and getattr(factory, "plans_for", None) == futures
     ]
 
 

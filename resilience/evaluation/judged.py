@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -127,16 +127,23 @@ class Judged:
         names = ["method", "other", "per_day", "low", "high", "excludes_zero"]
         return pd.DataFrame(rows, columns=names)
 
-    def value_of_stochastic_solution(self, seed: int = 0) -> list[dict[str, Any]]:
+    def value_of_stochastic_solution(self, seed: int = 0) -> list[dict[str, str | float]]:
         """What planning for one future costs more per day than planning for many.
 
         Textbooks compare two first decisions; here both plan anew in every slot, and what is
         compared is what they end up paying. A row per pair that was run, with its interval.
         """
-        rows = []
+        rows: list[dict[str, str | float]] = []
         for deterministic in names_planning_for("one", self.objective):
             for stochastic in names_planning_for("many", self.objective):
                 more = self.difference(deterministic, stochastic, seed)
-                pair = {"deterministic": deterministic, "stochastic": stochastic}
-                rows.append({**pair, "per_day": more.mean, "low": more.low, "high": more.high})
+                rows.append(
+                    {
+                        "deterministic": deterministic,
+                        "stochastic": stochastic,
+                        "per_day": more.mean,
+                        "low": more.low,
+                        "high": more.high,
+                    }
+                )
         return rows

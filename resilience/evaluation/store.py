@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from pydantic import BaseModel
@@ -29,6 +29,13 @@ WITHOUT_EFFECT = {
     "description", "path", "source", "simulator", "probability", "seed", "process",
 }  # fmt: skip
 """Fields that no trajectory depends on."""
+
+
+class Digest(Protocol):
+    """A hash that bytes are fed into."""
+
+    def update(self, data: bytes, /) -> None:
+        """Takes in more bytes."""
 
 
 class Store:
@@ -70,13 +77,13 @@ def code() -> str:
     return digest.hexdigest()
 
 
-def _facts(world: World) -> list[Any]:
+def _facts(world: World) -> list[object]:
     """What a part depends on apart from its method."""
     settings = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
     return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, settings]
 
 
-def _maker(name: str, make: Factory | None) -> Any:
+def _maker(name: str, make: Factory | None) -> bytes | None:
     """What identifies a dispatcher that is none of the package's own."""
     if make is None or DISPATCHERS.get(name) is make:
         return None
@@ -85,7 +92,7 @@ def _maker(name: str, make: Factory | None) -> Any:
     return cloudpickle.dumps(make)
 
 
-def _feed(digest: Any, value: Any) -> None:
+def _feed(digest: Digest, value: object) -> None:
     """Takes a value into a digest, each kind with its own mark."""
     digest.update(f"{type(value).__name__}:".encode())
     if isinstance(value, np.ndarray):

@@ -7,9 +7,8 @@ terminal has room; the highest ranks are left out first. No number is ever cut.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.table import Table
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from resilience.evaluation.compare import Report
 
 COLUMN_GAP = 2  # blanks between columns
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)

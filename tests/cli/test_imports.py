@@ -59,6 +59,6 @@ def test_a_dispatcher_is_registered_from_above(monkeypatch: pytest.MonkeyPatch) 
 
     register_dispatcher("asleep", Idle)
     assert "asleep" in registry.DISPATCHERS
-    assert not registry.DISPATCHERS["asleep"].batched
+    assert not registry.is_batched(registry.DISPATCHERS["asleep"])
     with pytest.raises(rs.UsageError, match="'asleep' is registered already"):
         register_dispatcher("asleep", Idle)

@@ -13,10 +13,9 @@ in `trapezoid`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
@@ -249,8 +248,8 @@ def check_step(dt_h: float) -> None:
         raise UsageError(f"dt_h is {dt_h:g}; allowed: more than 0 hours")
 
 
-def _per_load(name: str, values: Any, loads: int) -> Any:
-    values = np.asarray(values)
+def _per_load(name: str, per_load: ArrayLike, loads: int) -> np.ndarray:
+    values = np.asarray(per_load)
     if values.shape != (loads,):
         raise UsageError(f"{name} has the shape {values.shape}; allowed: ({loads},), one per load")
     return values

@@ -10,6 +10,7 @@ $$ \text{CVaR}_\alpha(X) = \min_\eta \; \eta + \frac{\mathbb{E}[(X - \eta)^+]}{1
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -183,9 +184,10 @@ def _bootstrap(
     total = sum(len(group) for group in groups)
     share = [len(group) / total for group in groups]
 
-    def pooled(*samples: Floats, axis: int = -1) -> Any:
+    def pooled(*samples: Floats, axis: int = -1) -> Floats:
         # BCa leaves one value out at a time: its group must keep its share in the mean.
-        return sum(s * x.mean(axis=axis) for s, x in zip(share, samples, strict=True))
+        means = [s * x.mean(axis=axis) for s, x in zip(share, samples, strict=True)]
+        return reduce(np.add, means)
 
     return bootstrap(
         groups,
