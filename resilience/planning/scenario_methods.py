@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,20 +40,28 @@ class ScenarioResult:
     """A two-stage program of a case, solved.
 
     Attributes:
-        solved: the plan; its bound holds for the program with modes and integers relaxed, so for
-            the whole of it too.
+        solution: the plan; its bound holds for the program with modes and integers relaxed, so
+            for the whole of it too.
         algorithm: extensive or lshaped.
         relaxed: facts of the model that the plan does not satisfy, in words.
-        mean_value: $ of the risk, where the trunk is that of the plan for mean data; None where
-            there is no such trunk.
-        stochastic: $ of the same for the best trunk, modes relaxed as in `mean_value`.
+        mean_value_cost: $ of the risk, where the trunk is that of the plan for mean data; None
+            where there is no such trunk.
+        stochastic_cost: $ of the same for the best trunk, modes relaxed as in `mean_value_cost`.
     """
 
-    solved: TwoStageSolution
+    solution: TwoStageSolution
     algorithm: str
-    relaxed: list[str] = field(default_factory=list)
-    mean_value: float | None = None
-    stochastic: float = np.nan
+    relaxed: list[str]
+    mean_value_cost: float | None
+    stochastic_cost: float
+
+    @property
+    def value_of_stochastic_solution(self) -> float | None:
+        """What the plan for the mean costs more, $; None where it is undefined."""
+        if self.mean_value_cost is None:
+            return None
+        # Capped, since both costs are within a gap only: their difference may come out negative.
+        return max(self.mean_value_cost - self.stochastic_cost, 0.0)
 
 
 def solve_scenario_program(
@@ -88,15 +96,18 @@ def solve_scenario_program(
         with phase("mean-value plan", "its recourse"):
             mean_cost = costs_of(two_stage, start)
     solution = _with_modes_held(two_stage, relaxed, algorithm, options, deadline)
-    # Holding modes only narrows the program, so the bound of the relaxed one stays proven.
+    # The bound is the relaxed program's, since holding modes narrows it. Capped, since it is proven
+    # to within rounding only; one that is wrong by more is hidden, too.
     bound = min(relaxed.bound, solution.objective)
     closed = gap(solution.objective, bound) <= relative_gap
     return ScenarioResult(
-        replace(solution, bound=bound, status="optimal" if closed else "feasible"),
-        algorithm,
-        _relaxed_facts(two_stage, solution),
-        None if mean_cost is None else two_stage.risk.of(mean_cost, relaxed.probability),
-        relaxed.objective,
+        solution=replace(solution, bound=bound, status="optimal" if closed else "feasible"),
+        algorithm=algorithm,
+        relaxed=_relaxed_facts(two_stage, solution),
+        mean_value_cost=(
+            None if mean_cost is None else two_stage.risk.of(mean_cost, relaxed.probability)
+        ),
+        stochastic_cost=relaxed.objective,
     )
 
 

@@ -140,14 +140,12 @@ def plan_in_two_stages(
     )
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     with phase("audit"):
-        distinct_outcomes, tables = outcomes.of_plan(program, result.solved)
+        distinct_outcomes, tables = outcomes.of_plan(program, result.solution)
     scenario_outcomes = distinct_outcomes.at(distinct.index)
     objective = risk.of(scenario_outcomes.cost, scenarios.probability)
     # Capped, since settling the plan may move its cost a hair below the solver's bound; a bound
     # that is wrong by more is hidden, too.
-    bound = min(result.solved.bound, objective)
-    # Capped, since both costs are within a gap only and their difference may come out negative.
-    gain = None if result.mean_value is None else max(result.mean_value - result.stochastic, 0.0)
+    bound = min(result.solution.bound, objective)
     return PlannedScenarios(
         method="stochastic",
         physics=physics,
@@ -158,7 +156,7 @@ def plan_in_two_stages(
         clairvoyant_cost=clairvoyant_cost,
         risk=risk,
         certificate=Certificate(
-            status=result.solved.status,
+            status=result.solution.status,
             bound=bound,
             gap=gap(objective, bound),
             bound_of=f"two-stage program on {physics}",
@@ -166,10 +164,10 @@ def plan_in_two_stages(
             audit=scenario_outcomes.audit,
             audit_worst=scenario_outcomes.audit_worst,
         ),
-        notes=[] if result.solved.status == "optimal" else [OUT_OF_TIME],
+        notes=[] if result.solution.status == "optimal" else [OUT_OF_TIME],
         tables=tables,
-        mean_value_cost=result.mean_value,
-        value_of_stochastic_solution=gain,
+        mean_value_cost=result.mean_value_cost,
+        value_of_stochastic_solution=result.value_of_stochastic_solution,
     )
 
 
