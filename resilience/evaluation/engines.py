@@ -10,7 +10,7 @@ from resilience.errors import UsageError
 
 Engine = Literal["local", "dask", "ray"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
-NEEDS = {"dask": "distributed", "ray": "ray"}
+PACKAGES = {"dask": "distributed", "ray": "ray"}
 CALLS_PER_WORKER = 4  # handed out at once where results come back together
 T = TypeVar("T")
 
@@ -32,9 +32,9 @@ def check_engine(engine: str, workers: int) -> None:
         raise UsageError(
             f"workers is {workers}; allowed: 1 or more", hint="1 does everything in this process"
         )
-    if engine in NEEDS and find_spec(NEEDS[engine]) is None:
+    if engine in PACKAGES and find_spec(PACKAGES[engine]) is None:
         raise UsageError(
-            f"engine {engine!r} needs the package {NEEDS[engine]}, which is not installed",
+            f"engine {engine!r} needs the package {PACKAGES[engine]}, which is not installed",
             hint=f"pip install 'resilience[{engine}]'",
         )
 

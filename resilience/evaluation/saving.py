@@ -24,7 +24,7 @@ import numpy as np
 from resilience.case import case_text
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
-from resilience.evaluation.store import FOLDER as PARTS
+from resilience.evaluation.store import PARTS_FOLDER
 from resilience.files import check_replaceable, replacing
 from resilience.simulation.trajectory_file import save_trajectories
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-MARK = "summary.json"
+SUMMARY_FILE = "summary.json"
 
 
 def check_folder(folder: Path) -> None:
@@ -41,7 +41,7 @@ def check_folder(folder: Path) -> None:
     Raises:
         UsageError: it holds neither an earlier report nor parts of one.
     """
-    check_replaceable(folder, MARK, PARTS)
+    check_replaceable(folder, SUMMARY_FILE, PARTS_FOLDER)
 
 
 def save_report(
@@ -57,7 +57,7 @@ def save_report(
     """
     import pandas as pd
 
-    with replacing(folder, MARK, keep=PARTS) as target:
+    with replacing(folder, SUMMARY_FILE, keep=PARTS_FOLDER) as target:
         frame.to_parquet(target / "report.parquet")
         frame.to_csv(target / "report.csv")
         judged.differences().to_parquet(target / "differences.parquet")
@@ -74,7 +74,7 @@ def save_report(
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")
         text = json.dumps(summary, indent=2, allow_nan=False)
-        (target / MARK).write_text(text + "\n", encoding="utf-8")
+        (target / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
     return folder
 
 

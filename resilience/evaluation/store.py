@@ -24,7 +24,7 @@ from resilience.simulation.trajectory_file import load_trajectory, save_trajecto
 if TYPE_CHECKING:
     from resilience.simulation.world import World
 
-FOLDER = "parts"
+PARTS_FOLDER = "parts"
 WITHOUT_EFFECT = {
     "description", "path", "source", "simulator", "probability", "seed", "process",
 }  # fmt: skip
@@ -46,7 +46,7 @@ class Store:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder / FOLDER
+        self.folder = folder / PARTS_FOLDER
 
     def get(self, name: str, world: World, make: Factory | None) -> Trajectory | None:
         """A part that was kept, None where there is none."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar
 from resilience.errors import UsageError
 from resilience.files import replacing
 from resilience.planning.records import (
-    SUMMARY,
+    SUMMARY_FILE,
     Certificate,
     CertifiedPlan,
     Costs,
@@ -126,7 +126,7 @@ class Plan(CertifiedPlan):
         Raises:
             UsageError: the folder holds something that is no earlier result.
         """
-        with replacing(Path(folder), SUMMARY) as target:
+        with replacing(Path(folder), SUMMARY_FILE) as target:
             frames = {name: self.frame(name) for name in self.tables}
             write_plan(target, self.summary(), self.case, frames)
         return Path(folder)
@@ -139,12 +139,12 @@ def load_plan(folder: str | Path) -> Plan:
         UsageError: the folder holds no plan.
     """
     root = Path(folder)
-    if not (root / SUMMARY).is_file():
+    if not (root / SUMMARY_FILE).is_file():
         raise UsageError(
-            f"{root} holds no result: there is no {SUMMARY} in it",
+            f"{root} holds no result: there is no {SUMMARY_FILE} in it",
             hint="name the folder that `solve --out` wrote; a hazard is drawn by `hazard --plot`",
         )
-    summary = json.loads((root / SUMMARY).read_text(encoding="utf-8"))
+    summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
     if summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",

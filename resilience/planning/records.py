@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.models.backends.base import Status
 
-SUMMARY = "summary.json"
+SUMMARY_FILE = "summary.json"
 """The file that a folder with a result is known by."""
 
 
@@ -254,7 +254,7 @@ def write_plan(
         frames: tables by name, written as .parquet and .csv.
     """
     text = json.dumps(summary, indent=2, allow_nan=False)
-    (target / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    (target / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
     if case is not None:
         from resilience.case import case_text
 

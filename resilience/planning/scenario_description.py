@@ -19,7 +19,7 @@ from resilience.planning.records import (
     InformationValue,
     ScenarioStatistics,
 )
-from resilience.planning.scenario_plan import HIGH, LOW, ScenarioPlan
+from resilience.planning.scenario_plan import BAND_QUANTILES, ScenarioPlan
 from resilience.planning.scenario_program import ScenarioProgram
 from resilience.planning.tables import SlotTable
 from resilience.tolerances import SHED_TOLERANCE_MWH
@@ -159,5 +159,5 @@ def _episodes(planned: PlannedScenarios, shed_mwh: Floats) -> dict[str, Floats]:
 
 def _band(values: Floats, probability: Floats) -> SlotTable:
     """Mean and quantiles over scenarios of values (slots, scenarios)."""
-    ends = np.quantile(values, [LOW, HIGH], axis=1, weights=probability, method="inverted_cdf")
+    ends = np.quantile(values, BAND_QUANTILES, axis=1, weights=probability, method="inverted_cdf")
     return SlotTable(("mean", "low", "high"), np.array([values @ probability, *ends]))

@@ -25,7 +25,7 @@ from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import replacing
 from resilience.planning.records import (
-    SUMMARY,
+    SUMMARY_FILE,
     Certificate,
     CertifiedPlan,
     Costs,
@@ -47,8 +47,8 @@ BANDS = {
     "shed": "MW, all loads together",
 }
 """What there is a band of over scenarios, by the columns mean, low and high (5 and 95 %)."""
-LOW, HIGH = 0.05, 0.95
-MARK = "outages.npz"
+BAND_QUANTILES = (0.05, 0.95)
+SCENARIOS_FILE = "outages.npz"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,18 +241,18 @@ class ScenarioPlan(CertifiedPlan):
             UsageError: the folder holds something that is no earlier result.
         """
         names = (*self.tables, *(f"band_{k}" for k in self.bands), "scenarios")
-        with replacing(Path(folder), SUMMARY) as target:
+        with replacing(Path(folder), SUMMARY_FILE) as target:
             frames = {name: self.frame(name) for name in names}
             write_plan(target, self.summary(), self.case, frames)
             if self.outages is not None:
-                self.outages.save(target / MARK)
+                self.outages.save(target / SCENARIOS_FILE)
             self.frame("recourse").to_parquet(target / "recourse.parquet")
         return Path(folder)
 
 
 def holds_scenario_plan(folder: str | Path) -> bool:
     """Whether `ScenarioPlan.save` wrote this folder."""
-    path = Path(folder) / SUMMARY
+    path = Path(folder) / SUMMARY_FILE
     return path.is_file() and "common_slots" in json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -273,7 +273,7 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
             f"{root} holds no plan over scenarios",
             hint="`resilience solve CASE --method stochastic --out FOLDER` writes one",
         )
-    summary = json.loads((root / SUMMARY).read_text(encoding="utf-8"))
+    summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
     case = load_case(root / "case.toml")
     episodes = pd.read_parquet(root / "scenarios.parquet")
     power = pd.read_parquet(root / "recourse.parquet")
@@ -306,5 +306,5 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         bands=read_tables(root, {name: f"band_{name}" for name in BANDS}),
         episodes={str(name): episodes[name].to_numpy() for name in episodes},
         recourse=(tuple(power.columns), power.to_numpy().reshape(shape).transpose(2, 1, 0)),
-        outages=load_scenarios(root / MARK, case),
+        outages=load_scenarios(root / SCENARIOS_FILE, case),
     )

@@ -37,7 +37,7 @@ from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 
-USUAL_SCENARIOS = 200
+DEFAULT_SCENARIOS = 200
 
 
 def scenarios_for(
@@ -70,7 +70,7 @@ def scenarios_for(
     if isinstance(number, Scenarios):
         return number
     if is_drawn:
-        return _draw(case, source, number or USUAL_SCENARIOS, seed or 0)
+        return _draw(case, source, number or DEFAULT_SCENARIOS, seed or 0)
     if Path(str(outages)).suffix in (".npz", ".csv"):
         return load_scenarios(str(outages), case)
     return fixed(case, outages_from(outages, case))
