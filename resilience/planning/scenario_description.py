@@ -60,7 +60,7 @@ class PlannedScenarios:
     value_of_stochastic_solution: float | None
 
 
-def described(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> ScenarioPlan:
+def full_plan(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> ScenarioPlan:
     """The plan with all that follows from what happens.
 
     Args:

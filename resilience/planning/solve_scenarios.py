@@ -19,7 +19,7 @@ from resilience.models.program.risk import Risk
 from resilience.planning import outcomes
 from resilience.planning.outcomes import ScenarioOutcomes
 from resilience.planning.records import Certificate
-from resilience.planning.scenario_description import PlannedScenarios, described
+from resilience.planning.scenario_description import PlannedScenarios, full_plan
 from resilience.planning.scenario_methods import (
     TITLES,
     solve_scenario_program,
@@ -113,7 +113,7 @@ def plan_over_scenarios(
                 f"method {method} is simulated at copperplate, not {physics}",
                 hint="AC power flow certifies afterwards",
             )
-    return described(planned, seconds)
+    return full_plan(planned, seconds)
 
 
 def plan_in_two_stages(
