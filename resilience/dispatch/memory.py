@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 
@@ -61,10 +61,10 @@ class Memory:
         """Number of the day of slot t, from 0; a storm is one."""
         return self.window.day_number(t) if self.daily else 0
 
-    def history(self, observation: Observation, k: int) -> Known:
+    def history(self, observation: Observation, k: int) -> LineHistory:
         """What is known of the lines of scenario k in the slot last noticed."""
         t = observation.t
-        return Known(
+        return LineHistory(
             self.clock(t),
             int(observation.centre[k]),
             self.since[:, k],

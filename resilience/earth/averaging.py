@@ -20,7 +20,13 @@ NAUTICAL_MILE_KM = 1.852
 
 @dataclass(frozen=True)
 class Agency:
-    """Averaging time, s, and the relation v = factor v(1 min) + offset, knots."""
+    """How an agency reports the largest wind: v = factor v(1 min) + offset.
+
+    Attributes:
+        averaging_s: averaging time, s.
+        factor: of the one-minute mean.
+        offset_kt: knots.
+    """
 
     averaging_s: float
     factor: float

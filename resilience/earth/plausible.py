@@ -26,8 +26,8 @@ from resilience.arrays import Floats
 from resilience.earth.averaging import KNOT_MPS, Agency, from_one_minute, to_one_minute
 from resilience.earth.sphere import legs
 
-FASTEST_KMH = 200.0
-FACTOR, ROOM_KT = 1.4, 15.0
+MAX_SPEED_KMH = 200.0
+WIND_FACTOR, WIND_MARGIN_KT = 1.4, 15.0  # of the usual wind: the limit is factor * usual + margin
 LOWEST_HPA, WEAK_HPA, STORMY_MPS = 850.0, 1000.0, 17.0
 LON_LOW, LON_HIGH = -180.0, 360.0
 
@@ -42,24 +42,29 @@ def usual_wind_kt(lat: Floats, lon: Floats, pressure_hpa: Floats) -> Floats:
 class TooStrong:
     """The oddest wind of a track whose winds are too strong, and what its pressure goes with.
 
-    All winds are in the averaging time of the track, m/s. `point` counts from 0.
+    Attributes:
+        point: index of the point, from 0.
+        wind_mps: its wind, as all here in the averaging time of the track.
+        pressure_hpa: its central pressure.
+        usual_mps: the wind that usually goes with that pressure.
+        limit_mps: the wind beyond which it must be in another unit.
     """
 
     point: int
-    found_mps: float
+    wind_mps: float
     pressure_hpa: float
     usual_mps: float
-    most_mps: float
+    limit_mps: float
 
-    def found(self, where: str) -> str:
+    def text(self, where: str) -> str:
         """The wind in words; `where` is its point, as messages name it."""
-        wind = f"{self.found_mps:.4g} m/s at {self.pressure_hpa:g} hPa"
+        wind = f"{self.wind_mps:.4g} m/s at {self.pressure_hpa:g} hPa"
         return f"{wind} in {where}, and most points alike"
 
     @property
     def allowed(self) -> str:
         """What it may be, in words."""
-        return f"up to {self.most_mps:.0f} m/s there; {self.usual_mps:.0f} is usual"
+        return f"up to {self.limit_mps:.0f} m/s there; {self.usual_mps:.0f} is usual"
 
 
 def too_strong(
@@ -76,14 +81,14 @@ def too_strong(
     """
     wind = to_one_minute(vmax_mps, agency)
     usual = KNOT_MPS * usual_wind_kt(lat, lon, pressure_hpa)
-    most = FACTOR * usual + ROOM_KT * KNOT_MPS
+    limit = WIND_FACTOR * usual + WIND_MARGIN_KT * KNOT_MPS
     tells = (pressure_hpa >= LOWEST_HPA) & (pressure_hpa <= WEAK_HPA) & (wind > STORMY_MPS)
-    at = np.flatnonzero(tells & np.isfinite(most))
-    share = wind[at] / most[at]
-    if not len(at) or np.median(share) <= 1.0:
+    points = np.flatnonzero(tells & np.isfinite(limit))
+    share = wind[points] / limit[points]
+    if not len(points) or np.median(share) <= 1.0:
         return None
-    k = at[np.argmax(share)]
-    as_stated = from_one_minute(np.array([usual[k], most[k]]), agency)
+    k = points[np.argmax(share)]
+    as_stated = from_one_minute(np.array([usual[k], limit[k]]), agency)
     return TooStrong(
         int(k),
         float(vmax_mps[k]),
@@ -97,7 +102,10 @@ def too_strong(
 class Leap:
     """A leg no storm can travel: a slip in a sign, or latitude and longitude exchanged.
 
-    `point` is where it ends, counted from 0.
+    Attributes:
+        point: index of the point where it ends, from 0.
+        km: its length.
+        hours: the time it takes.
     """
 
     point: int
@@ -105,14 +113,14 @@ class Leap:
     hours: float
 
     @property
-    def found(self) -> str:
+    def text(self) -> str:
         """The leg, in words."""
         return f"{self.km:.0f} km from the point before, {self.hours:g} h earlier"
 
     @property
     def allowed(self) -> str:
         """What it may be, in words."""
-        return f"at most {FASTEST_KMH:g} km/h"
+        return f"at most {MAX_SPEED_KMH:g} km/h"
 
     @property
     def hint(self) -> str:
@@ -121,7 +129,7 @@ class Leap:
 
 
 def leaps(hours: Floats, lat: Floats, lon: Floats) -> list[Leap]:
-    """Legs faster than `FASTEST_KMH`; NaN is a time or place that is not known.
+    """Legs faster than `MAX_SPEED_KMH`; NaN is a time or place that is not known.
 
     Args:
         hours: (n,) time since any moment; legs that go back in time are left out.
@@ -132,5 +140,5 @@ def leaps(hours: Floats, lat: Floats, lon: Floats) -> list[Leap]:
         return []
     lasts = np.diff(hours)
     km = legs(lat, lon)[0] / 1000.0
-    far = (lasts > 0) & (km > FASTEST_KMH * lasts)
+    far = (lasts > 0) & (km > MAX_SPEED_KMH * lasts)
     return [Leap(int(k) + 1, float(km[k]), float(lasts[k])) for k in np.flatnonzero(far)]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from resilience.arrays import Floats
 
 RADIUS_M = 6_371_000.0
-NOTHING = 1e-20  # of a unit vector; smaller squares would underflow
+MIN_SINE = 1e-20  # of the angle to a point; smaller squares would underflow
 
 
 def seen_from(
@@ -30,11 +30,11 @@ def seen_from(
         direction, together of length 1; of no meaning where the point is the eye.
     """
     up, east, north = _frame(*eye)
-    at = _frame(*points)[0]
-    e, n, u = at @ east.T, at @ north.T, at @ up.T
+    towards = _frame(*points)[0]
+    e, n, u = towards @ east.T, towards @ north.T, towards @ up.T
     across = np.sqrt(e * e + n * n)
     distance = RADIUS_M * np.arctan2(across, u)
-    np.maximum(across, NOTHING, out=across)
+    np.maximum(across, MIN_SINE, out=across)
     e /= across
     n /= across
     return [distance, e, n]
@@ -43,9 +43,9 @@ def seen_from(
 def legs(lat: ArrayLike, lon: ArrayLike) -> list[Floats]:
     """Legs of a path of n points: (n - 1,) length, m, and direction at first, east and north."""
     up, east, north = _frame(lat, lon)
-    e, n, u = ((part[:-1] * up[1:]).sum(axis=1) for part in (east, north, up))
+    e, n, u = ((axis[:-1] * up[1:]).sum(axis=1) for axis in (east, north, up))
     across = np.hypot(e, n)
-    safe = np.maximum(across, NOTHING)
+    safe = np.maximum(across, MIN_SINE)
     return [RADIUS_M * np.arctan2(across, u), e / safe, n / safe]
 
 
@@ -57,11 +57,11 @@ def moved(
     e, n = np.asarray(east_m, float), np.asarray(north_m, float)
     length = np.hypot(e, n)
     angle = length / RADIUS_M
-    along = np.stack([e, n], -1) / np.maximum(length, NOTHING)[..., None]
+    along = np.stack([e, n], -1) / np.maximum(length, MIN_SINE)[..., None]
     towards = along[..., :1] * east + along[..., 1:] * north
-    at = np.cos(angle)[..., None] * up + np.sin(angle)[..., None] * towards
-    found_lat = np.degrees(np.arctan2(at[..., 2], np.hypot(at[..., 0], at[..., 1])))
-    return found_lat, np.degrees(np.arctan2(at[..., 1], at[..., 0]))
+    place = np.cos(angle)[..., None] * up + np.sin(angle)[..., None] * towards
+    new_lat = np.degrees(np.arctan2(place[..., 2], np.hypot(place[..., 0], place[..., 1])))
+    return new_lat, np.degrees(np.arctan2(place[..., 1], place[..., 0]))
 
 
 def _frame(lat: ArrayLike, lon: ArrayLike) -> tuple[Floats, Floats, Floats]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,8 +72,7 @@ class Storm:
     @cached_property
     def failed_by(self) -> Floats:
         """(lines, slots) probability that a line has failed by the end of a slot, none mended."""
-        each = [failed_by(self.lines, one, self.timing) for one in self.winds]
-        return np.mean(each, axis=0)
+        return np.mean([failed_by(self.lines, wind, self.timing) for wind in self.winds], axis=0)
 
     @cached_property
     def hazard(self) -> Floats:
@@ -81,23 +80,22 @@ class Storm:
         if len(self.winds) == 1:
             return hazard(self.lines, self.winds[0], self.timing)
         before = np.pad(self.failed_by, ((0, 0), (1, 0)))[:, :-1]
-        found = np.zeros_like(before)
-        np.divide(self.failed_by - before, 1.0 - before, out=found, where=before < 1.0)
-        return found
+        chance = np.zeros_like(before)
+        return np.divide(self.failed_by - before, 1.0 - before, out=chance, where=before < 1.0)
 
     @cached_property
     def strongest_mps(self) -> Floats:
         """(lines, slots) strongest wind that a curve sees along each line, the mean of members."""
-        found = np.zeros((len(self.lines.names), self.case.slots))
-        for one in self.winds:
-            most = np.zeros_like(found)
-            np.maximum.at(most, self.lines.span_line, span_speed(self.lines, one))
-            found += most / len(self.winds)
-        return found
+        mean = np.zeros((len(self.lines.names), self.case.slots))
+        for member in self.winds:
+            strongest = np.zeros_like(mean)
+            np.maximum.at(strongest, self.lines.span_line, span_speed(self.lines, member))
+            mean += strongest / len(self.winds)
+        return mean
 
-    def calm(self, one: SpanWind) -> Bools:
+    def calm(self, wind: SpanWind) -> Bools:
         """(lines, slots) True where crews may work in the wind of a member."""
-        return calm(self.lines, one, self.repair.wind_limit_mps)
+        return calm(self.lines, wind, self.repair.wind_limit_mps)
 
     def scenarios(self, n: int, seed: int, shift: float = 0.0) -> Scenarios:
         """`n` outage paths; see `storms.sample_storms` for the `shift` of the common factor."""
@@ -124,26 +122,26 @@ def storm(
         UsageError: a track that lies outside the horizon.
     """
     table = case.storm or StormTable()
-    _, repair, place, found = together(
+    _, repair, place, storm_track = together(
         lambda: check_names(case),
         lambda: case_repair(case),
         lambda: geography(case),
         lambda: case_track(case) if track is None else track() if callable(track) else track,
     )
     times = slot_times(case)
-    check_overlap(case, found, place, times)
-    members = _members(found, table, case)
-    names, span_line, of = _spans(case, place, every_line)
-    bearing = place.span_bearing_deg[of] if table.by_angle else None
+    check_overlap(case, storm_track, place, times)
+    members = _members(storm_track, table, case)
+    names, span_line, spans = _spans(case, place, every_line)
+    bearing = place.span_bearing_deg[spans] if table.by_angle else None
     lines = lines_of(case, names, span_line, bearing)
-    at = place.span_lat_deg[of], place.span_lon_deg[of]
+    places = place.span_lat_deg[spans], place.span_lon_deg[spans]
     curve = storm_curve(case)
-    winds = tuple(_wind(one, case, at, curve, table, bearing) for one in members)
-    check_ends(case, found, times, np.mean([one.speed_mps for one in winds], axis=0))
+    winds = tuple(_wind(member, case, places, curve, table, bearing) for member in members)
+    check_ends(case, storm_track, times, np.mean([member.speed_mps for member in winds], axis=0))
     chosen = {name: rank for name, rank in repair.priority.items() if name in names}
     repair = replace(repair, priority=chosen)
     timing = Timing(table.mode, case.step_h)
-    return Storm(case, place, found, members, lines, winds, timing, repair)
+    return Storm(case, place, storm_track, members, lines, winds, timing, repair)
 
 
 def storm_scenarios(
@@ -226,13 +224,11 @@ def file_track(
         CaseError, UsageError: as `tracks.read_track`.
     """
     table = case.storm or StormTable()
-    options: dict[str, Any] = {
-        "basin": table.basin or None,
-        "penv_hpa": table.penv_hpa,
-        "rmw": table.rmw,
-    }
-    found = read_track(path, storm=storm, averaging_s=averaging_s, **options)
-    return found if found.name else replace(found, name=Path(path).stem)
+    track = read_track(
+        path, storm=storm, averaging_s=averaging_s,
+        basin=table.basin or None, penv_hpa=table.penv_hpa, rmw=table.rmw,
+    )  # fmt: skip
+    return track if track.name else replace(track, name=Path(path).stem)
 
 
 def slot_times(case: Case) -> NDArray[np.datetime64]:
@@ -271,15 +267,15 @@ def _spans(case: Case, place: Geography, every_line: bool) -> tuple[tuple[str, .
             hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`; cables, '
             "`underground = true`, do not count",
         )
-    of = np.flatnonzero(np.isin(place.span_line, chosen))
+    spans = np.flatnonzero(np.isin(place.span_line, chosen))
     names = tuple(network.line_names[k] for k in chosen)
-    return names, np.searchsorted(chosen, place.span_line[of]), of
+    return names, np.searchsorted(chosen, place.span_line[spans]), spans
 
 
 def _wind(
     track: Track,
     case: Case,
-    at: tuple[Floats, Floats],
+    places: tuple[Floats, Floats],
     curve: Curve,
     table: StormTable,
     bearing_deg: Floats | None,
@@ -291,12 +287,12 @@ def _wind(
     earlier = times[:1] - np.timedelta64(moment_s, "s")
     track = interpolated(track, np.concatenate([earlier, times]))
     blown: Wind = wind(
-        track, *at, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
+        track, *places, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
     ).to(
         averaging_s=curve.averaging_s, height_m=curve.height_m, exposure=curve.exposure,
         roughness=table.roughness, inland_km=table.inland_km,
     )  # fmt: skip
-    shape = (len(at[0]), case.slots, -1)
+    shape = (len(places[0]), case.slots, -1)
     speed = blown.speed_mps[:, 1:].reshape(shape)
     direction = blown.direction_deg[:, 1:].reshape(shape)
     felt = speed

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,8 +33,8 @@ def check_overlap(case: Case, track: Track, place: Geography, times: Times) -> N
     lat, lon = place.middle
     nearest = int(seen_from((track.lat, track.lon), ([lat], [lon]))[0][0].argmin())
     local = _python(track.time[nearest]) + timedelta(hours=table.utc_offset_h)
-    first, last = (_python(one) for one in (track.time[0], track.time[-1]))
-    begin, end = (table.utc(one) for one in (case.window.start, case.window.stop))
+    first, last = (_python(time) for time in (track.time[0], track.time[-1]))
+    begin, end = (table.utc(time) for time in (case.window.start, case.window.stop))
     raise UsageError(
         f"track {track.name!r}, {first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC, misses the "
         f"horizon, {begin:%Y-%m-%d %H:%M} to {end:%Y-%m-%d %H:%M} UTC of the storm; allowed: times "
@@ -76,5 +76,6 @@ def check_ends(case: Case, track: Track, times: Times, speed_mps: Floats) -> Non
             )
 
 
-def _python(time: np.datetime64) -> Any:
+def _python(time: np.datetime64) -> datetime:
+    """The time as a datetime."""
     return time.astype("datetime64[s]").item()

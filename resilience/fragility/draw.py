@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.window import DAY_MIN
 from resilience.errors import UsageError
-from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, case_bell
+from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, BellSettings, case_bell
 from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
@@ -44,12 +44,12 @@ def breakpoints(case: Case) -> tuple[str, ...]:
         UsageError: the case marks none.
     """
     network = case.network
-    found = tuple(n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b)
-    if not found:
+    names = tuple(n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b)
+    if not names:
         raise UsageError(
             f"case {case.name!r} has no breakpoint", hint="mark lines with `breakpoint = true`"
         )
-    return found
+    return names
 
 
 def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None = None) -> Scenarios:
@@ -113,11 +113,11 @@ def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Da
 
 def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:
     """(lines,) slots by which each line's bell is shifted; the first line's is not."""
-    found: Ints = rng.integers(-bell.shift_slots, bell.shift_slots + 1, lines)
+    shifts: Ints = rng.integers(-bell.shift_slots, bell.shift_slots + 1, lines)
     if bell.shared_shift:
-        found[:] = found[-1]
-    found[0] = 0
-    return found
+        shifts[:] = shifts[-1]
+    shifts[0] = 0
+    return shifts
 
 
 def outage_path(days: Sequence[Day], bell: Bell) -> Bools:
@@ -164,7 +164,7 @@ def draw(
     storm: str | None = None,
     averaging_s: float | None = None,
     shift: float = 0.0,
-    **bell: Any,
+    **bell: Unpack[BellSettings],
 ) -> Scenarios:
     """`n` outage paths as a user asks for them: of a track, the case's storm, or the bell.
 
@@ -184,14 +184,14 @@ def draw(
     """
     from resilience.fragility.chain import reader, storm_scenarios
 
-    asked = [key for key, value in bell.items() if value is not None]
+    settings = [key for key, value in bell.items() if value is not None]
     stormy = track is not None or (case.storm is not None and bool(case.storm.points))
-    if track is not None and asked:
+    if track is not None and settings:
         raise UsageError(
-            f"a track and {asked[0]} of the bell; allowed: one of the two",
+            f"a track and {settings[0]} of the bell; allowed: one of the two",
             hint="a storm on its track has no bell",
         )
-    if not stormy or asked:
+    if not stormy or settings:
         if shift:
             raise UsageError(
                 f"shift {shift:g} of a bell; allowed: of a storm only",
@@ -239,9 +239,9 @@ def outages_from(
     """
     from resilience.case import parse_outages
 
-    asked = str(text).strip().lower()
-    if asked in DRAWN:
-        return sample_outages(case, case_bell(case) if asked == "bell" else None, seed or 0)
+    word = str(text).strip().lower()
+    if word in DRAWN:
+        return sample_outages(case, case_bell(case) if word == "bell" else None, seed or 0)
     if seed is not None:
         raise UsageError(
             f"seed {seed} without a draw; allowed: a seed with the outages `bell` or `storm`",

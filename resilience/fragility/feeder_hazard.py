@@ -63,11 +63,12 @@ class Hazard:
     def closest(self) -> tuple[float, datetime] | None:
         """km of the eye from the feeder when it is closest within the horizon, and when."""
         case = self.storm.case
-        at = int(self.distance_km.argmin())
-        if not np.isfinite(self.distance_km[at]):
+        moment = int(self.distance_km.argmin())
+        if not np.isfinite(self.distance_km[moment]):
             return None
-        share = (at + 0.5) * case.slots / len(self.distance_km)
-        return float(self.distance_km[at]), case.start + timedelta(minutes=share * case.step_min)
+        share = (moment + 0.5) * case.slots / len(self.distance_km)
+        when = case.start + timedelta(minutes=share * case.step_min)
+        return float(self.distance_km[moment]), when
 
     @cached_property
     def lines(self) -> list[dict[str, Any]]:
@@ -120,7 +121,7 @@ class Hazard:
     def summary(self) -> dict[str, Any]:
         """Everything as plain data, slots from the start of the horizon."""
         here, case, closest = self.storm, self.storm.case, self.closest
-        one = here.winds[0]
+        wind = here.winds[0]
         return {
             "case": case.name,
             "geography": here.geography.about,
@@ -133,7 +134,7 @@ class Hazard:
             "step_min": case.step_min,
             "closest_km": closest and closest[0],
             "closest_at": closest and closest[1].isoformat(),
-            "wind": f"{one.averaging_s:g} s mean at {one.height_m:g} m over {one.exposure}",
+            "wind": f"{wind.averaging_s:g} s mean at {wind.height_m:g} m over {wind.exposure}",
             "strongest_wind_mps": float(here.strongest_mps.max(initial=0.0)),
             "expected_lines_down": float(here.failed_by[:, -1].sum()),
             "lines": self.lines,
@@ -143,8 +144,8 @@ class Hazard:
             "seed": self.scenarios.seed,
             "process": self.scenarios.process,
             "loads": self.loads,
-            "islands": [asdict(one) for one in self.likely.islands],
-            "islandings": [asdict(one) for one in self.likely.islandings],
+            "islands": [asdict(island) for island in self.likely.islands],
+            "islandings": [asdict(islanding) for islanding in self.likely.islandings],
             "buses": {
                 name: {"apart": apart, "dark": dark, "dark_hours": hours}
                 for name, apart, dark, hours in zip(
@@ -218,6 +219,6 @@ def hazard(
     """
     case = case if isinstance(case, Case) else load_case(case)
     read = chain.reader(case, track, storm=storm, averaging_s=averaging_s)
-    found = chain.storm(case, read, every_line=True)
-    drawn = found.scenarios(n, seed)
-    return Hazard(found, drawn, likely(case, drawn))
+    case_storm = chain.storm(case, read, every_line=True)
+    drawn = case_storm.scenarios(n, seed)
+    return Hazard(case_storm, drawn, likely(case, drawn))

@@ -74,32 +74,32 @@ class _Patterns:
 
     Attributes:
         up: (lines of the case, patterns).
-        at: (slots, scenarios) number of the pattern.
+        number: (slots, scenarios) number of the pattern.
         island: (buses of the case, patterns) number of the island of every bus.
         alive, grid: (buses of the case, patterns) whether its island has a source, a grid.
     """
 
     up: Bools
-    at: Ints
+    number: Ints
     island: Ints
     alive: Bools
     grid: Bools
 
 
-def likely(case: Case, scenarios: Scenarios, most: int = 10) -> Likely:
+def likely(case: Case, scenarios: Scenarios, limit: int = 10) -> Likely:
     """Counts islands; probabilities are those of the scenarios, weighted.
 
     Args:
         case: the case.
         scenarios: over its horizon.
-        most: islands, and islandings, that are kept.
+        limit: islands, and islandings, that are kept.
     """
-    found = _patterns(case, scenarios)
+    patterns = _patterns(case, scenarios)
     weight = scenarios.probability
-    apart, dark = (~mask[:, found.at] for mask in (found.grid, found.alive))
+    apart, dark = (~mask[:, patterns.number] for mask in (patterns.grid, patterns.alive))
     return Likely(
-        islands=tuple(_islands(case, found, weight))[:most],
-        islandings=tuple(_islandings(case, found, weight))[:most],
+        islands=tuple(_islands(case, patterns, weight))[:limit],
+        islandings=tuple(_islandings(case, patterns, weight))[:limit],
         apart=apart.any(axis=1) @ weight,
         dark=dark.any(axis=1) @ weight,
         dark_by_slot=dark @ weight,
@@ -108,21 +108,21 @@ def likely(case: Case, scenarios: Scenarios, most: int = 10) -> Likely:
 
 def _patterns(case: Case, scenarios: Scenarios) -> _Patterns:
     down = scenarios.down.reshape(len(scenarios.lines), -1)
-    _, first, at = np.unique(
+    _, first, number = np.unique(
         np.packbits(down, axis=0).T, axis=0, return_index=True, return_inverse=True
     )
     names = case.network.line_names
     up = np.ones((len(names), len(first)), bool)
     up[[names.index(line) for line in scenarios.lines]] = ~down[:, first]
-    grid = _fallible(case, scenarios)
-    situation = grid.situation(up)
-    island = situation.island[grid.bus_of]
+    microgrid = _fallible(case, scenarios)
+    situation = microgrid.situation(up)
+    island = situation.island[microgrid.bus_of]
     sources = np.zeros((int(island.max(initial=0)) + 1, len(first)), bool)
-    for bus in grid.at(case.grid).tolist():
+    for bus in microgrid.at(case.grid).tolist():
         sources[situation.island[bus], np.arange(len(first))] = True
     return _Patterns(
-        up, at.reshape(scenarios.slots, scenarios.n), island,
-        situation.alive[grid.bus_of] > 0, sources[island, np.arange(len(first))],
+        up, number.reshape(scenarios.slots, scenarios.n), island,
+        situation.alive[microgrid.bus_of] > 0, sources[island, np.arange(len(first))],
     )  # fmt: skip
 
 
@@ -134,25 +134,25 @@ def _fallible(case: Case, scenarios: Scenarios) -> Microgrid:
     return Microgrid.of(case.replace(outages=outages), "copperplate")
 
 
-def _islands(case: Case, found: _Patterns, weight: Floats) -> Iterable[Island]:
+def _islands(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Island]:
     """Islands without the grid, by probability."""
     chance: dict[bytes, float] = defaultdict(float)
     slots: dict[bytes, float] = defaultdict(float)
     alive: dict[bytes, bool] = {}
-    parts: list[list[bytes]] = []
-    for p in range(found.up.shape[1]):
-        there = []
-        for number in np.unique(found.island[~found.grid[:, p], p]):
-            members = found.island[:, p] == number
+    islands_of: list[list[bytes]] = []  # islands by pattern, each as the bits of its buses
+    for p in range(patterns.up.shape[1]):
+        islands = []
+        for number in np.unique(patterns.island[~patterns.grid[:, p], p]):
+            members = patterns.island[:, p] == number
             key = np.packbits(members).tobytes()
-            alive[key] = bool(found.alive[members, p].any())
-            there.append(key)
-        parts.append(there)
-    for k in range(found.at.shape[1]):
-        numbers, counts = np.unique(found.at[:, k], return_counts=True)
+            alive[key] = bool(patterns.alive[members, p].any())
+            islands.append(key)
+        islands_of.append(islands)
+    for k in range(patterns.number.shape[1]):
+        numbers, counts = np.unique(patterns.number[:, k], return_counts=True)
         spans: dict[bytes, int] = defaultdict(int)
         for p, count in zip(numbers.tolist(), counts.tolist(), strict=True):
-            for key in parts[p]:
+            for key in islands_of[p]:
                 spans[key] += count
         for key, count in spans.items():
             chance[key] += weight[k]
@@ -163,38 +163,41 @@ def _islands(case: Case, found: _Patterns, weight: Floats) -> Iterable[Island]:
         yield Island(buses, alive[key], float(chance[key]), float(hours))
 
 
-def _islandings(case: Case, found: _Patterns, weight: Floats) -> Iterable[Islanding]:
+def _islandings(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Islanding]:
     """States at the worst moment, by probability."""
-    connected = found.grid.sum(axis=0)[found.at]
-    worst = found.at[connected.argmin(axis=0), np.arange(found.at.shape[1])]
-    chance = np.bincount(worst, weight, found.up.shape[1])
+    connected = patterns.grid.sum(axis=0)[patterns.number]
+    worst = patterns.number[connected.argmin(axis=0), np.arange(patterns.number.shape[1])]
+    chance = np.bincount(worst, weight, patterns.up.shape[1])
     for p in np.argsort(-chance, kind="stable").tolist():
         if not chance[p]:
             return
-        down = np.flatnonzero(~found.up[:, p])
-        numbers = np.unique(found.island[:, p])
-        order = sorted(numbers, key=lambda i: not found.grid[found.island[:, p] == i, p].any())
-        parts = tuple(_named(case, found.island[:, p] == number) for number in order)
+        down = np.flatnonzero(~patterns.up[:, p])
+        numbers = np.unique(patterns.island[:, p])
+        order = sorted(
+            numbers, key=lambda i: not patterns.grid[patterns.island[:, p] == i, p].any()
+        )
+        islands = tuple(_named(case, patterns.island[:, p] == number) for number in order)
         lines = tuple(case.network.line_names[k] for k in down)
-        yield Islanding(lines, parts, float(chance[p]))
+        yield Islanding(lines, islands, float(chance[p]))
 
 
 def _named(case: Case, members: Bools) -> tuple[str, ...]:
+    """Names of the buses whose bit is set; packed bits are padded at the end."""
     return tuple(
-        name for name, there in zip(case.network.bus_names, members, strict=False) if there
+        name for name, inside in zip(case.network.bus_names, members, strict=False) if inside
     )
 
 
 def buses_text(names: Iterable[str]) -> str:
     """Names of buses, rows of numbers as spans: `2-5, 19`."""
-    found: list[str] = []
+    texts: list[str] = []
     run: list[int] = []
     numbers = sorted(int(name) for name in names if name.isdecimal())
     words = [name for name in names if not name.isdecimal()]
     for number in [*numbers, None]:
         if run and (number is None or number != run[-1] + 1):
-            found.append(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]))
+            texts.append(f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]))
             run = []
         if number is not None:
             run.append(number)
-    return ", ".join(found + words)
+    return ", ".join(texts + words)

@@ -82,7 +82,7 @@ def _leaps(storm: StormTable) -> Iterator[Finding]:
     first = storm.points[0][0]
     hours = np.array([(point[0] - first).total_seconds() / 3600.0 for point in storm.points])
     for leap in leaps(hours, lat, lon):
-        yield f"points[{leap.point + 1}]", leap.found, leap.allowed, leap.hint
+        yield f"points[{leap.point + 1}]", leap.text, leap.allowed, leap.hint
 
 
 def _in_knots(storm: StormTable) -> Iterator[Finding]:
@@ -94,7 +94,7 @@ def _in_knots(storm: StormTable) -> Iterator[Finding]:
     odd = too_strong(lat, lon, pressure, vmax, agency)
     if odd is not None:
         hint = f"probably knots given as m/s; multiply by {KNOT_MPS}"
-        yield "points", odd.found(f"points[{odd.point + 1}]"), odd.allowed, hint
+        yield "points", odd.text(f"points[{odd.point + 1}]"), odd.allowed, hint
 
 
 def _columns(storm: StormTable) -> Floats:

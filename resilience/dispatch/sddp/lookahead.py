@@ -17,7 +17,7 @@ from resilience.dispatch.distinct_paths import distinct_paths
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.sddp.book import Book, CutSet
 from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
-from resilience.fragility.beliefs.conditional import DayDraw, Known, days_reached, futures
+from resilience.fragility.beliefs.conditional import DayDraw, LineHistory, days_reached, futures
 from resilience.models.backends.highs import Highs
 from resilience.simulation.observation import Forecast
 
@@ -40,7 +40,7 @@ class Asked:
 
     t: int
     day: int
-    known: Known
+    known: LineHistory
     up: Bools
     energy: Floats
     levels: Floats
@@ -131,7 +131,7 @@ class Lookahead:
         """The draws of a day, the same in all of its slots and in every scenario."""
         if day not in self._days:
             rng = np.random.default_rng([self.seed, day])
-            self._days[day] = DayDraw.of(len(self.lines), self.paths, rng)
+            self._days[day] = DayDraw.draw(len(self.lines), self.paths, rng)
         return self._days[day]
 
     def _program(self, key: tuple[int, int, int], steps: WindowSteps) -> WindowProgram:

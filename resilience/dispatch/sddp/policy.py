@@ -14,7 +14,7 @@ from resilience.dispatch.sddp.lookahead import Asked, Lookahead
 from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
-from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 
@@ -97,7 +97,7 @@ class Sddp:
 
     def _asked(self, seen: Observation, k: int, energy: Floats, levels: Floats) -> Asked:
         clock, down = self.memory.clock(seen.t), ~seen.line_up[self.lines, k]
-        known = Known(clock, int(seen.centre[k]), *self._remembered(k, down, clock))
+        known = LineHistory(clock, int(seen.centre[k]), *self._remembered(k, down, clock))
         up, forecast = seen.line_up[:, k], seen.forecast_of(k)
         return Asked(seen.t, self.memory.day(seen.t), known, up, energy, levels, forecast)
 

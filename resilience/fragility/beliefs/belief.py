@@ -14,7 +14,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case.window import DAY_MIN
 from resilience.fragility.beliefs.conditional import (
     DayDraw,
-    Known,
+    LineHistory,
     chances,
     days_reached,
     expected_left,
@@ -42,16 +42,16 @@ class Belief(Protocol):
     def longest_slots(self) -> int:
         """Slots of a long outage."""
 
-    def paths(self, known: Known, slots: int, n: int) -> Bools:
+    def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down after the present slot, on equally likely paths.
 
         The same random numbers serve in every slot of an episode.
         """
 
-    def chances(self, known: Known, slots: int) -> Floats:
+    def chances(self, history: LineHistory, slots: int) -> Floats:
         """(lines, slots) probability that an outage begins in each slot after the present one."""
 
-    def expected_left(self, known: Known) -> Ints:
+    def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots after the present one that a line which is down stays so, on average."""
 
 
@@ -72,29 +72,29 @@ class BellBelief:
         self.longest_slots = int(bell.lengths(DAY_MIN / per_day)[-1])
         self._days: dict[tuple[int, int], DayDraw] = {}
 
-    def paths(self, known: Known, slots: int, n: int) -> Bools:
+    def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down; see `conditional.futures`."""
-        reach = days_reached(known.t, slots, self.per_day)
-        draws = [self._draw(known.day + later, n) for later in range(reach)]
-        return futures(self.bell, known, slots, self.per_day, draws)
+        reach = days_reached(history.t, slots, self.per_day)
+        draws = [self._draw(history.day + later, n) for later in range(reach)]
+        return futures(self.bell, history, slots, self.per_day, draws)
 
-    def chances(self, known: Known, slots: int) -> Floats:
+    def chances(self, history: LineHistory, slots: int) -> Floats:
         """(lines, slots) probabilities; see `conditional.chances`."""
-        return chances(self.bell, known, slots, self.per_day)
+        return chances(self.bell, history, slots, self.per_day)
 
-    def expected_left(self, known: Known) -> Ints:
+    def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots, cut at midnight."""
-        found = np.zeros(len(known.since), np.intp)
-        for k in np.flatnonzero(known.since >= 0).tolist():
-            left = expected_left(self.bell, known.t - int(known.since[k]), self.per_day)
-            found[k] = min(left, self.per_day - 1 - known.t)
-        return found
+        remaining = np.zeros(len(history.since), np.intp)
+        for k in np.flatnonzero(history.since >= 0).tolist():
+            mean = expected_left(self.bell, history.t - int(history.since[k]), self.per_day)
+            remaining[k] = min(mean, self.per_day - 1 - history.t)
+        return remaining
 
     def _draw(self, day: int, n: int) -> DayDraw:
         """The draws of a day, the same in all of its slots and in every scenario."""
         if (day, n) not in self._days:
             rng = np.random.default_rng([self.seed, day])
-            self._days[day, n] = DayDraw.of(self.lines, n, rng)
+            self._days[day, n] = DayDraw.draw(self.lines, n, rng)
         return self._days[day, n]
 
 
@@ -117,5 +117,5 @@ def case_belief(
         from resilience.fragility.beliefs.storm_belief import StormBelief
         from resilience.fragility.chain import storm
 
-        return StormBelief.of(storm(case), lines, seed=seed)
+        return StormBelief.from_storm(storm(case), lines, seed=seed)
     return BellBelief(bell or case_bell(case), case.window.slots_per_day, len(lines), seed)

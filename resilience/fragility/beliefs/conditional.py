@@ -16,8 +16,8 @@ from resilience.tolerances import SLOT_TOLERANCE
 
 
 @dataclass(frozen=True)
-class Known:
-    """What is known of the lines that can fail, at slot `t` of the day.
+class LineHistory:
+    """What an operator has observed of the lines that can fail, up to slot `t` of the day.
 
     Attributes:
         t: slot of the day, now.
@@ -43,28 +43,28 @@ class DayDraw:
     """Uniform numbers behind the paths of one day; the same ones serve in every slot of it.
 
     Attributes:
-        fail, length, left: (lines, paths) of the time of failure, of the length of an outage, and
-            of what is left of one that runs.
+        fail, length, remaining: (lines, paths) of the time of failure, of the length of an outage,
+            and of what remains of one that runs.
         centre, shared: (paths,) of the centre, and of a shift common to all lines.
         shift: (lines, paths) of each line's own.
     """
 
     fail: Floats
     length: Floats
-    left: Floats
+    remaining: Floats
     centre: Floats
     shared: Floats
     shift: Floats
 
     @classmethod
-    def of(cls, lines: int, paths: int, rng: np.random.Generator) -> DayDraw:
+    def draw(cls, lines: int, paths: int, rng: np.random.Generator) -> DayDraw:
         """Draws a day; every row is stratified over the paths."""
 
         def rows(n: int) -> Floats:
             return np.array([strata(paths, rng) for _ in range(n)]).reshape(n, paths)
 
-        one = rows(2)
-        return cls(rows(lines), rows(lines), rows(lines), one[0], one[1], rows(lines))
+        centre, shared = rows(2)  # the order of the draws is part of every recorded result
+        return cls(rows(lines), rows(lines), rows(lines), centre, shared, rows(lines))
 
 
 def strata(n: int, rng: np.random.Generator) -> Floats:
@@ -72,7 +72,9 @@ def strata(n: int, rng: np.random.Generator) -> Floats:
     return (rng.permutation(n) + rng.random(n)) / n
 
 
-def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDraw]) -> Bools:
+def futures(
+    bell: Bell, history: LineHistory, slots: int, per_day: int, days: list[DayDraw]
+) -> Bools:
     """(lines, slots, paths) where lines are down after slot t, on equally likely paths.
 
     The present day's centre is known or drawn alike; that of days to come is drawn. Slots of one
@@ -80,28 +82,30 @@ def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDr
 
     Args:
         bell: the process.
-        known: what is known now.
+        history: what is known now.
         slots: how far to look, slots of the case.
         per_day: slots of a day.
         days: draws of today and of every later day that the slots reach.
     """
     lines, paths = days[0].fail.shape
     down = np.zeros((lines, slots, paths), bool)
-    for k in np.flatnonzero(known.since >= 0).tolist():
-        left = _remaining(bell, known.t - int(known.since[k]), per_day, days[0].left[k])
-        _mark(down[k], np.zeros(paths, np.intp), np.minimum(left, per_day - known.t - 1))
-    for day, draw in enumerate(days[: days_reached(known.t, slots, per_day)]):
-        start = day * per_day - known.t - 1
-        centre = _centres(bell, known.centre if day == 0 else -1, draw.centre)
+    for k in np.flatnonzero(history.since >= 0).tolist():
+        remaining = _remaining(
+            bell, history.t - int(history.since[k]), per_day, days[0].remaining[k]
+        )
+        _mark(down[k], np.zeros(paths, np.intp), np.minimum(remaining, per_day - history.t - 1))
+    for day, draw in enumerate(days[: days_reached(history.t, slots, per_day)]):
+        start = day * per_day - history.t - 1
+        centre = _centres(bell, history.centre if day == 0 else -1, draw.centre)
         for k in range(lines):
-            if day == 0 and _over(bell, known)[k]:
+            if day == 0 and _cannot_fail(bell, history)[k]:
                 continue
             shift = (
                 0 if k == 0 else _shift(bell, draw.shared if bell.shared_shift else draw.shift[k])
             )
             chance = bell.slot_probability(centre + shift, DAY_MIN / per_day)
             if day == 0:
-                chance[:, : known.t + 1] = 0.0
+                chance[:, : history.t + 1] = 0.0
             first, fails = _first(chance, draw.fail[k])
             length = _pick(bell.lengths(DAY_MIN / per_day), draw.length[k])
             length = np.where(fails, np.minimum(length, per_day - first), 0)
@@ -109,23 +113,23 @@ def futures(bell: Bell, known: Known, slots: int, per_day: int, days: list[DayDr
     return down
 
 
-def chances(bell: Bell, known: Known, slots: int, per_day: int) -> Floats:
+def chances(bell: Bell, history: LineHistory, slots: int, per_day: int) -> Floats:
     """(lines, slots) probability that a line's outage begins in each of the `slots` after slot t.
 
     Averaged over the shift, and over the centre where it is not known.
     """
-    found = np.zeros((len(known.since), slots))
-    for day in range(days_reached(known.t, slots, per_day)):
-        begin = day * per_day - known.t - 1
-        at = np.arange(max(begin, 0), min(begin + per_day, slots))
-        may = ~_over(bell, known) if day == 0 else np.ones(len(found), bool)
-        centre = known.centre if day == 0 else -1
+    begins = np.zeros((len(history.since), slots))
+    for day in range(days_reached(history.t, slots, per_day)):
+        begin = day * per_day - history.t - 1
+        columns = np.arange(max(begin, 0), min(begin + per_day, slots))
+        may = ~_cannot_fail(bell, history) if day == 0 else np.ones(len(begins), bool)
+        centre = history.centre if day == 0 else -1
         # The first line follows the centre, all others are shifted alike.
         for k in np.flatnonzero(may).tolist():
             shift = bell.shift_slots if k else 0
-            first = known.t + 1 if day == 0 else 0
-            found[k, at] += _starts(bell, centre, shift, per_day, first)[at - begin]
-    return found
+            first = history.t + 1 if day == 0 else 0
+            begins[k, columns] += _starts(bell, centre, shift, per_day, first)[columns - begin]
+    return begins
 
 
 @lru_cache(maxsize=4096)
@@ -150,17 +154,19 @@ def expected_left(bell: Bell, elapsed: int, per_day: int) -> int:
     return int(np.ceil(_lengths_left(bell, elapsed, per_day).mean() - SLOT_TOLERANCE))
 
 
-def _over(bell: Bell, known: Known) -> Bools:
-    """(lines,) lines that cannot fail any more today."""
-    return (known.since >= 0) | (known.spent & (not bell.refail))
+def _cannot_fail(bell: Bell, history: LineHistory) -> Bools:
+    """(lines,) True where a line cannot fail any more today."""
+    return (history.since >= 0) | (history.spent & (not bell.refail))
 
 
-def _centres(bell: Bell, known: int, u: Floats) -> Ints:
+def _centres(bell: Bell, centre: int, u: Floats) -> Ints:
     slots = bell.centre_slots()
-    return slots[(u * len(slots)).astype(int)] if known < 0 else np.full(len(u), known)
+    """(paths,) slots in which the hazard peaks: the one that is known, or all that are possible."""
+    return _pick(slots, u) if centre < 0 else np.full(len(u), centre)
 
 
 def _shift(bell: Bell, u: Floats) -> Ints:
+    """(paths,) slots by which a line's bell is shifted."""
     return (u * (2 * bell.shift_slots + 1)).astype(np.intp) - bell.shift_slots
 
 
@@ -177,17 +183,19 @@ def _pick(values: Ints, u: Floats) -> Ints:
 
 
 def _lengths_left(bell: Bell, elapsed: int, per_day: int) -> Ints:
-    total = np.unique(bell.lengths(DAY_MIN / per_day))
-    left = total[total > elapsed] - elapsed - 1
-    return left if len(left) else np.zeros(1, np.intp)
+    """(lengths,) slots after the present one that an outage of that age may last, ascending."""
+    lengths = np.unique(bell.lengths(DAY_MIN / per_day))
+    remaining = lengths[lengths > elapsed] - elapsed - 1
+    return remaining if len(remaining) else np.zeros(1, np.intp)
 
 
 def _remaining(bell: Bell, elapsed: int, per_day: int, u: Floats) -> Ints:
     """(paths,) slots after the present one that an outage of that age still lasts."""
-    left = _lengths_left(bell, elapsed, per_day)
-    return left[(u * len(left)).astype(int)]
+    remaining = _lengths_left(bell, elapsed, per_day)
+    return _pick(remaining, u)
 
 
 def _mark(down: Bools, first: Ints, length: Ints) -> None:
+    """Marks outages (paths,) in `down` (slots, paths)."""
     slots = np.arange(down.shape[0])[:, None]
     down |= (slots >= first) & (slots < first + length)

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.beliefs.conditional import Known, strata
+from resilience.fragility.beliefs.conditional import LineHistory, strata
 from resilience.fragility.lines.damage import accumulated
 from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
 from resilience.fragility.outages.repair import Begun, Repair, crew_since, ranks, repaired
@@ -35,12 +35,12 @@ from resilience.tolerances import SLOT_TOLERANCE
 if TYPE_CHECKING:
     from resilience.fragility.chain import Storm
 
-LEAST = 1e-7  # weight of a value of Z that is kept
-CERTAIN = 700.0  # e^-700 never happens
-COMONOTONE = 400  # values of Z where correlation is 1
-GRID = 1000  # for the distribution of work
-USUAL = 200  # paths that the length of outages is taken from
-LONG = 0.95
+NEGLIGIBLE_WEIGHT = 1e-7  # of a value of Z, which is left out
+MAX_HAZARD = 700.0  # minus log of a chance: e^-700 never happens
+COMONOTONE_NODES = 400  # values of Z where correlation is 1
+WORK_QUANTILES = 1000  # for the distribution of work
+LENGTH_PATHS = 200  # paths that the length of outages is taken from
+LONG_QUANTILE = 0.95  # of the lengths of outages: what counts as a long one
 
 
 class StormBelief:
@@ -70,13 +70,13 @@ class StormBelief:
         order: Ints | None = None,
     ) -> None:
         self.fallen, self.weight, self.calm, self.seed = fallen, weight, calm, seed
-        work = repair.work_slots((np.arange(GRID) + 0.5) / GRID, step_h)
+        work = repair.work_slots((np.arange(WORK_QUANTILES) + 0.5) / WORK_QUANTILES, step_h)
         self.work, self.crews = np.sort(work), repair.crews
         self.order = np.zeros(len(calm), np.intp) if order is None else order
         self._drawn: dict[int, tuple[Floats, Floats, Floats]] = {}
 
     @classmethod
-    def of(cls, storm: Storm, names: tuple[str, ...], *, seed: int = 0) -> StormBelief:
+    def from_storm(cls, storm: Storm, names: tuple[str, ...], *, seed: int = 0) -> StormBelief:
         """The belief of somebody who knows track, lines and repair of a storm.
 
         Args:
@@ -85,16 +85,16 @@ class StormBelief:
             seed: of sampled futures.
         """
         z, weight = _factor(storm.lines.correlation)
-        at = [k for k, name in enumerate(names) if name in storm.lines.names]
-        of = [storm.lines.names.index(names[k]) for k in at]
+        rows = [k for k, name in enumerate(names) if name in storm.lines.names]
+        lines = [storm.lines.names.index(names[k]) for k in rows]
         shape = (len(storm.winds), len(z), len(names), storm.case.slots + 1)
         fallen = np.zeros(shape)
         for j, wind in enumerate(storm.winds):
             score = scores(storm.lines, span_speed(storm.lines, wind))
-            found = accumulated(storm.lines, score, z, storm.timing)[of]
-            fallen[j, :, at, 1:] = np.minimum(found, CERTAIN).transpose(0, 2, 1)
+            hazard = accumulated(storm.lines, score, z, storm.timing)[lines]
+            fallen[j, :, rows, 1:] = np.minimum(hazard, MAX_HAZARD).transpose(0, 2, 1)
         calm = np.ones((len(names), storm.case.slots), bool)
-        calm[at] = np.mean([storm.calm(wind)[of] for wind in storm.winds], axis=0) >= 0.5
+        calm[rows] = np.mean([storm.calm(wind)[lines] for wind in storm.winds], axis=0) >= 0.5
         every = np.tile(weight, len(storm.winds))
         joined, step_h = fallen.reshape(-1, *shape[2:]), storm.timing.step_h
         order = ranks(storm.repair.priority, names)
@@ -109,56 +109,57 @@ class StormBelief:
     def longest_slots(self) -> int:
         """Slots that 19 in 20 outages stay below, as foreseen before the storm; 1 if none is."""
         none = np.full(len(self.calm), -1)
-        before = Known(-1, -1, none, none >= 0, 0, none)
-        length = self.paths(before, self.slots, USUAL).sum(axis=1)
+        before = LineHistory(-1, -1, none, none >= 0, 0, none)
+        length = self.paths(before, self.slots, LENGTH_PATHS).sum(axis=1)
         length = length[length > 0]
-        return int(np.ceil(np.quantile(length, LONG))) if len(length) else 1
+        return int(np.ceil(np.quantile(length, LONG_QUANTILE))) if len(length) else 1
 
-    def posterior(self, known: Known) -> Floats:
+    def posterior(self, history: LineHistory) -> Floats:
         """(components,) probability of every pair of member and common factor, given what is known.
 
         What cannot be leaves the weights as they were.
         """
-        first = known.first if known.first is not None else known.since
-        now = known.t + 1
-        fresh = first < 0
-        log = -self.fallen[:, fresh, now].sum(axis=1)
-        at = np.flatnonzero(~fresh)
-        one, two = self.fallen[:, at, first[at]], self.fallen[:, at, first[at] + 1]
+        first = history.first if history.first is not None else history.since
+        now = history.t + 1
+        stands = first < 0
+        log = -self.fallen[:, stands, now].sum(axis=1)
+        failed = np.flatnonzero(~stands)
+        before = self.fallen[:, failed, first[failed]]
+        after = self.fallen[:, failed, first[failed] + 1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            log += (np.log(-np.expm1(one - two)) - one).sum(axis=1)
+            log += (np.log(-np.expm1(before - after)) - before).sum(axis=1)
         log = np.where(np.isnan(log), -np.inf, log)
         if not np.isfinite(log).any():
             return self.weight
-        found = self.weight * np.exp(log - log.max())
-        return found / found.sum()
+        posterior = self.weight * np.exp(log - log.max())
+        return posterior / posterior.sum()
 
-    def chances(self, known: Known, slots: int) -> Floats:
+    def chances(self, history: LineHistory, slots: int) -> Floats:
         """(lines, slots) probability that an outage begins in each slot after the present one."""
-        weight, now = self.posterior(known), known.t + 1
+        weight, now = self.posterior(history), history.t + 1
         ahead = self.fallen[:, :, now : now + slots + 1]
         stands = np.exp(-(ahead - ahead[:, :, :1]))
         begins = np.einsum("c,cks->ks", weight, -np.diff(stands, axis=2))
-        found = np.zeros((len(self.calm), slots))
-        found[:, : begins.shape[1]] = np.where(self._may(known)[:, None], begins, 0.0)
-        return found
+        chances = np.zeros((len(self.calm), slots))
+        chances[:, : begins.shape[1]] = np.where(self._may_fail(history)[:, None], begins, 0.0)
+        return chances
 
-    def paths(self, known: Known, slots: int, n: int) -> Bools:
+    def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down after the present slot."""
-        u, length, which = self._draws(n)
-        weight, now, lines = self.posterior(known), known.t + 1, len(self.calm)
-        component = np.minimum(np.searchsorted(np.cumsum(weight), which), len(weight) - 1)
-        left = min(slots, self.slots - now)
+        u, length, component_u = self._draws(n)
+        weight, now, lines = self.posterior(history), history.t + 1, len(self.calm)
+        component = np.minimum(np.searchsorted(np.cumsum(weight), component_u), len(weight) - 1)
+        horizon = min(slots, self.slots - now)
         down = np.zeros((lines, slots, n), bool)
-        if left <= 0:
+        if horizon <= 0:
             return down
-        ahead = self.fallen[:, :, now : now + left + 1]
-        first = np.full((lines, n), left)
-        for k in np.flatnonzero(self._may(known)):
+        ahead = self.fallen[:, :, now : now + horizon + 1]
+        first = np.full((lines, n), horizon)
+        for k in np.flatnonzero(self._may_fail(history)):
             rise = ahead[:, k, 1:] - ahead[:, k, :1]
             reached = rise[component] >= -np.log1p(-u[k])[:, None]
-            first[k] = np.where(reached.any(axis=1), reached.argmax(axis=1), left)
-        work = self.work[(length * GRID).astype(np.intp)]
+            first[k] = np.where(reached.any(axis=1), reached.argmax(axis=1), horizon)
+        work = self.work[(length * WORK_QUANTILES).astype(np.intp)]
 
         def lengths(line: Ints, path: Ints, _: Ints) -> Ints:
             return work[line, path]
@@ -166,46 +167,46 @@ class StormBelief:
         def calm(slot: int) -> Bools:
             return self.calm[:, now + slot, None]
 
-        down[:, :left] = repaired(
-            first, lengths, calm, left, crews=self.crews, order=self.order,
-            begun=self._begun(known, length, work),
+        down[:, :horizon] = repaired(
+            first, lengths, calm, horizon, crews=self.crews, order=self.order,
+            begun=self._begun(history, length, work),
         ).down  # fmt: skip
         return down
 
-    def expected_left(self, known: Known) -> Ints:
+    def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots after the present one, the mean over sampled futures, rounded up."""
-        is_down = known.since >= 0
+        is_down = history.since >= 0
         if not is_down.any():
             return np.zeros(len(is_down), np.intp)
-        down = self.paths(known, self.slots - known.t - 1, USUAL)
+        down = self.paths(history, self.slots - history.t - 1, LENGTH_PATHS)
         run = np.logical_and.accumulate(down, axis=1).sum(axis=1).mean(axis=1)
         return np.where(is_down, np.ceil(run - SLOT_TOLERANCE), 0).astype(np.intp)
 
-    def _may(self, known: Known) -> Bools:
-        """(lines,) lines that have not failed yet."""
-        return (known.since < 0) & ~known.spent
+    def _may_fail(self, history: LineHistory) -> Bools:
+        """(lines,) True where a line has not failed yet."""
+        return (history.since < 0) & ~history.spent
 
-    def _begun(self, known: Known, u: Floats, work: Ints) -> Begun | None:
+    def _begun(self, history: LineHistory, u: Floats, work: Ints) -> Begun | None:
         """Outages of the present: who waits, and the work left on each path.
 
         Args:
-            known: what is known.
+            history: of the lines.
             u: (lines, paths) uniform numbers, of the work of lines whose crew has come.
             work: (lines, paths) of lines that wait.
         """
-        is_down, now = known.since >= 0, known.t + 1
+        is_down, now = history.since >= 0, history.t + 1
         if not is_down.any():
             return None
-        came = known.since
+        came = history.since
         if self.crews is not None:
-            came = crew_since(_seen(known), self.calm[:, :now], self.crews, self.order)
-        left = np.where(is_down[:, None], work, 0)
+            came = crew_since(_observed_down(history), self.calm[:, :now], self.crews, self.order)
+        remaining = np.where(is_down[:, None], work, 0)
         for k in np.flatnonzero(came >= 0).tolist():
             done = int(self.calm[k, came[k] : now].sum())
-            least = int(np.searchsorted(self.work, done))
-            possible = self.work[least:] if least < len(self.work) else np.array([done])
-            left[k] = possible[(u[k] * len(possible)).astype(np.intp)] - done
-        return Begun(left, np.where(is_down, known.since - now, 0), is_down & (came < 0))
+            shortest = int(np.searchsorted(self.work, done))
+            possible = self.work[shortest:] if shortest < len(self.work) else np.array([done])
+            remaining[k] = possible[(u[k] * len(possible)).astype(np.intp)] - done
+        return Begun(remaining, np.where(is_down, history.since - now, 0), is_down & (came < 0))
 
     def _draws(self, n: int) -> tuple[Floats, Floats, Floats]:
         """Stratified numbers: failure and length of work (lines, n), and component (n,)."""
@@ -217,18 +218,19 @@ class StormBelief:
         return self._drawn[n]
 
 
-def _seen(known: Known) -> Bools:
+def _observed_down(history: LineHistory) -> Bools:
     """(lines, t + 1) where lines were seen down: of those that are, where no more is remembered."""
-    if known.down is not None:
-        return known.down
-    slot = np.arange(known.t + 1)
-    return (known.since[:, None] >= 0) & (slot >= known.since[:, None])
+    if history.down is not None:
+        return history.down
+    slot = np.arange(history.t + 1)
+    return (history.since[:, None] >= 0) & (slot >= history.since[:, None])
 
 
 def _factor(correlation: float) -> tuple[Floats, Floats]:
     """(k,) values of the common factor and their weights."""
     if correlation == 1.0:
-        return ndtri((np.arange(COMONOTONE) + 0.5) / COMONOTONE), np.ones(COMONOTONE)
+        share = (np.arange(COMONOTONE_NODES) + 0.5) / COMONOTONE_NODES
+        return ndtri(share), np.ones(COMONOTONE_NODES)
     z, weight = factor_nodes(correlation)
-    kept = weight > LEAST
-    return z[kept], weight[kept]
+    weighty = weight > NEGLIGIBLE_WEIGHT
+    return z[weighty], weight[weighty]

@@ -194,8 +194,7 @@ def _lognormal_mistakes(parameters: Parameters) -> list[str]:
 
 def _lognormal_score(parameters: Parameters, speed: Floats) -> Floats:
     with np.errstate(divide="ignore"):
-        found: Floats = np.log(speed / parameters["median_mps"]) / parameters["beta"]
-    return found
+        return np.log(speed / parameters["median_mps"]) / parameters["beta"]
 
 
 def _lognormal_speed(parameters: Parameters, u: Floats) -> Floats:
@@ -252,12 +251,12 @@ def _tabulated_speed(parameters: Parameters, u: Floats) -> Floats:
     speed = np.asarray(parameters["speed_mps"], float)
     chance = np.asarray(parameters["probability"], float)
     after = np.searchsorted(chance, u, side="left")
-    at = np.clip(after, 1, len(speed) - 1)
-    rise = chance[at] - chance[at - 1]
-    part = (u - chance[at - 1]) / np.where(rise > 0.0, rise, 1.0)
-    inner = speed[at - 1] + np.clip(part, 0.0, 1.0) * (speed[at] - speed[at - 1])
-    found: Floats = np.where(after == 0, speed[0], np.where(u > chance[-1], np.inf, inner))
-    return np.where(u <= 0.0, 0.0, found)
+    upper = np.clip(after, 1, len(speed) - 1)
+    rise = chance[upper] - chance[upper - 1]
+    share = (u - chance[upper - 1]) / np.where(rise > 0.0, rise, 1.0)
+    inner = speed[upper - 1] + np.clip(share, 0.0, 1.0) * (speed[upper] - speed[upper - 1])
+    speed_at_u: Floats = np.where(after == 0, speed[0], np.where(u > chance[-1], np.inf, inner))
+    return np.where(u <= 0.0, 0.0, speed_at_u)
 
 
 _KINDS = {

@@ -88,7 +88,7 @@ def accumulated(lines: SpannedLines, score: Floats, z: Floats, timing: Timing) -
         z: (k,) values of the common factor.
         timing: how slots add up.
     """
-    found = np.zeros((len(lines.names), score.shape[1], len(z)))
+    hazard = np.zeros((len(lines.names), score.shape[1], len(z)))
     slots = range(score.shape[1])
     if timing.mode == "running_max":
         peak = np.maximum.accumulate(score, axis=1)
@@ -96,13 +96,13 @@ def accumulated(lines: SpannedLines, score: Floats, z: Floats, timing: Timing) -
         rises[:, 1:] &= peak[:, 1:] > peak[:, :-1]
         for t in slots:
             if rises[:, t].any():
-                found[:, t] = -log_standing(lines, peak[:, t], z)
+                hazard[:, t] = -log_standing(lines, peak[:, t], z)
             elif t:
-                found[:, t] = found[:, t - 1]
-        return found
+                hazard[:, t] = hazard[:, t - 1]
+        return hazard
     for t in slots:
-        found[:, t] = -timing.weight * log_standing(lines, score[:, t], z)
-    return np.cumsum(found, axis=1, out=found)
+        hazard[:, t] = -timing.weight * log_standing(lines, score[:, t], z)
+    return np.cumsum(hazard, axis=1, out=hazard)
 
 
 def failed_by(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
@@ -115,8 +115,7 @@ def failed_by(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_M
     if lines.correlation == 1.0:
         return ndtr(np.maximum.accumulate(worst_score(lines, score), axis=1))
     z, weight = factor_nodes(lines.correlation)
-    found = -np.expm1(-accumulated(lines, score, z, timing)) @ weight
-    return found
+    return -np.expm1(-accumulated(lines, score, z, timing)) @ weight
 
 
 def first_failure(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX) -> Floats:
@@ -139,6 +138,5 @@ def hazard(lines: SpannedLines, wind: WindAtSpans, timing: Timing = RUNNING_MAX)
     failed = failed_by(lines, wind, timing)
     before = np.zeros_like(failed)
     before[:, 1:] = failed[:, :-1]
-    found = np.zeros_like(failed)
-    np.divide(failed - before, 1.0 - before, out=found, where=before < 1.0)
-    return found
+    chance = np.zeros_like(failed)
+    return np.divide(failed - before, 1.0 - before, out=chance, where=before < 1.0)

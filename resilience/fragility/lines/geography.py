@@ -77,15 +77,15 @@ def geography(case: Case) -> Geography:
 
     table = case.geography or GeographyTable()
     _check(case, table)
-    lat, lon = _synthetic(case, table) if table.synthetic else _given(case)
+    lat, lon = _synthetic(case, table) if table.synthetic else _stated(case)
     network, earth = case.network, Geod(ellps="WGS84")
     i, j = network.from_bus, network.to_bus
     bearing, _, metres = earth.inv(lon[i], lat[i], lon[j], lat[j])
     length = np.where(network.vn_kv[i] == network.vn_kv[j], np.asarray(metres) / 1000.0, 0.0)
     usable = (length > 0.0) & (network.in_service | network.switchable)
     span_m = np.full(len(length), table.span_m)
-    for one in case.line:
-        span_m[network.line(one.name)] = one.span_m or table.span_m
+    for line_table in case.line:
+        span_m[network.line(line_table.name)] = line_table.span_m or table.span_m
     count = np.where(usable, np.maximum(np.ceil(1000.0 * length / span_m - 1e-6), 1.0), 0.0)
     line = np.repeat(np.arange(len(length)), count.astype(np.intp))
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
@@ -105,11 +105,12 @@ def geography(case: Case) -> Geography:
 
 def _check(case: Case, table: GeographyTable) -> None:
     inline = bool(case.source.get("network", {}).get("bus"))
-    found = geography_findings(
-        table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case)
-    )
-    file = case.file_name
-    mistakes = [Mistake(file, "[geography]", key, *rest) for key, *rest in found]
+    mistakes = [
+        Mistake(case.file_name, "[geography]", *finding)
+        for finding in geography_findings(
+            table, case.network, case.places, inline=inline, grid_bus=_grid_bus(case)
+        )
+    ]
     if mistakes:
         raise CaseError(mistakes)
 
@@ -118,7 +119,7 @@ def _grid_bus(case: Case) -> str | None:
     return case.grid[0].bus if case.grid else None
 
 
-def _given(case: Case) -> tuple[Floats, Floats]:
+def _stated(case: Case) -> tuple[Floats, Floats]:
     lon, lat = np.array([case.places[name] for name in case.network.bus_names]).T
     return lat, lon
 
@@ -130,15 +131,15 @@ def _synthetic(case: Case, table: GeographyTable) -> tuple[Floats, Floats]:
     scale = case.source["network"].get("impedance_scale", 1.0)
     ohm = np.abs(network.x_pu) / scale * network.vn_kv[network.from_bus] ** 2
     length_m = 1000.0 * ohm / table.ohm_per_km
-    at = np.zeros_like(drawn)
+    position = np.zeros_like(drawn)
     root = network.bus(str(table.anchor_bus or _grid_bus(case)))
     for line, near, far in _outwards(case, root):
         step = drawn[far] - drawn[near]
         size = np.hypot(*step) or 1.0
-        at[far] = at[near] + length_m[line] * step / size
+        position[far] = position[near] + length_m[line] * step / size
     turn = np.radians(table.turn_deg)
-    east = np.cos(turn) * at[:, 0] + np.sin(turn) * at[:, 1]
-    north = -np.sin(turn) * at[:, 0] + np.cos(turn) * at[:, 1]
+    east = np.cos(turn) * position[:, 0] + np.sin(turn) * position[:, 1]
+    north = -np.sin(turn) * position[:, 0] + np.cos(turn) * position[:, 1]
     assert table.anchor_lat_deg is not None
     assert table.anchor_lon_deg is not None
     return _earth(east, north, table.anchor_lat_deg, table.anchor_lon_deg)
@@ -163,11 +164,11 @@ def _outwards(case: Case, root: int) -> Iterator[tuple[int, int, int]]:
         for usable in (network.in_service, network.switchable, np.ones_like(network.switchable)):
             frontier = list(reached)
             for bus in frontier:
-                for line, other in neighbours[bus]:
-                    if usable[line] and other not in reached:
-                        reached[other] = None
-                        frontier.append(other)
-                        yield line, bus, other
+                for line, neighbour in neighbours[bus]:
+                    if usable[line] and neighbour not in reached:
+                        reached[neighbour] = None
+                        frontier.append(neighbour)
+                        yield line, bus, neighbour
 
 
 def _plane(lat: Floats, lon: Floats, lat_0: float, lon_0: float) -> tuple[Floats, Floats]:

@@ -28,7 +28,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.lines.curves import CURVES, Curve, hardened, measure
 
-Z_MOST = 8.5  # beyond, a standard normal variable has a probability of 1e-17
+MAX_Z = 8.5  # beyond, a standard normal variable has a probability of 1e-17
 
 
 class WindAtSpans(Protocol):
@@ -92,7 +92,9 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class SpannedLines:
-    """Lines cut into spans. A line fails when any of its elements does.
+    """Lines as spans in a row, and what stands or hangs along them.
+
+    A line fails when any of its elements, a pole or a span's conductor, does.
 
     Attributes:
         names: of the lines.
@@ -127,11 +129,11 @@ class SpannedLines:
                 f"bearings; allowed: {spans} numbers, one a span",
             ),
         ]
-        for one in self.series:
+        for series in self.series:
             rules.append(
-                (one.count.shape == (spans,), f"{one.curve.name}: counts; allowed: {spans}")
+                (series.count.shape == (spans,), f"{series.curve.name}: counts; allowed: {spans}")
             )
-            rules.append((bool((one.count >= 0).all()), f"{one.curve.name}: a count below 0"))
+            rules.append((bool((series.count >= 0).all()), f"{series.curve.name}: a count below 0"))
         wrong = [text for good, text in rules if not good]
         if wrong:
             raise UsageError("lines: " + "; ".join(wrong), hint="arrays have an entry per span")
@@ -139,7 +141,7 @@ class SpannedLines:
     @cached_property
     def element_span(self) -> Ints:
         """(elements,) span of each group of like elements, one series after the other."""
-        return np.concatenate([np.flatnonzero(one.count > 0) for one in self.series])
+        return np.concatenate([np.flatnonzero(series.count > 0) for series in self.series])
 
     @cached_property
     def element_line(self) -> Ints:
@@ -149,9 +151,9 @@ class SpannedLines:
     @cached_property
     def incidence(self) -> csr_array:
         """(lines, elements) how many elements of a group belong to a line."""
-        count = np.concatenate([one.count[one.count > 0] for one in self.series])
-        at = (self.element_line, np.arange(len(count)))
-        return csr_array((count, at), shape=(len(self.names), len(count)))
+        count = np.concatenate([series.count[series.count > 0] for series in self.series])
+        places = (self.element_line, np.arange(len(count)))
+        return csr_array((count, places), shape=(len(self.names), len(count)))
 
 
 def poles_in_series(
@@ -215,9 +217,9 @@ def span_speed(lines: SpannedLines, wind: WindAtSpans) -> Floats:
     speed = np.asarray(wind.speed_mps, float)
     has = measure(wind.averaging_s, wind.height_m, wind.exposure)
     wrong = [
-        f"the wind is a {has}; curve {one.curve.name!r} wants a {one.curve.measure}"
-        for one in lines.series
-        if one.curve.measure != has
+        f"the wind is a {has}; curve {series.curve.name!r} wants a {series.curve.measure}"
+        for series in lines.series
+        if series.curve.measure != has
     ]
     if speed.ndim != 2 or len(speed) != len(lines.span_line):
         wrong.append(
@@ -262,16 +264,16 @@ def factor_nodes(correlation: float) -> tuple[Floats, Floats]:
     if correlation == 0.0 or correlation == 1.0:
         return np.zeros(1), np.ones(1)
     kappa = np.sqrt(correlation / (1.0 - correlation))
-    half = int(np.ceil(Z_MOST / (0.25 * min(1.0, 1.0 / kappa))))
-    z = np.linspace(-Z_MOST, Z_MOST, 2 * half + 1)
+    half = int(np.ceil(MAX_Z / (0.25 * min(1.0, 1.0 / kappa))))
+    z = np.linspace(-MAX_Z, MAX_Z, 2 * half + 1)
     weight = np.exp(-(z**2) / 2)
     return z, weight / weight.sum()
 
 
 def scores(lines: SpannedLines, speed_mps: Floats) -> Floats:
     """(elements, ...) normal quantile of each element's probability at speeds (spans, ...)."""
-    parts = [one.curve.score(speed_mps[one.count > 0]) for one in lines.series]
-    return np.concatenate(parts)
+    by_series = [series.curve.score(speed_mps[series.count > 0]) for series in lines.series]
+    return np.concatenate(by_series)
 
 
 def log_standing(lines: SpannedLines, score: Floats, z: Floats) -> Floats:
@@ -288,9 +290,9 @@ def log_standing(lines: SpannedLines, score: Floats, z: Floats) -> Floats:
 
 def worst_score(lines: SpannedLines, score: Floats) -> Floats:
     """(lines, ...) highest score of a line's elements (elements, ...)."""
-    found = np.full((len(lines.names), *score.shape[1:]), -np.inf)
-    np.maximum.at(found, lines.element_line, score)
-    return found
+    worst = np.full((len(lines.names), *score.shape[1:]), -np.inf)
+    np.maximum.at(worst, lines.element_line, score)
+    return worst
 
 
 def failure_probability(lines: SpannedLines, wind: WindAtSpans) -> Floats:
@@ -303,8 +305,7 @@ def failure_probability(lines: SpannedLines, wind: WindAtSpans) -> Floats:
     if lines.correlation == 1.0:
         return ndtr(worst_score(lines, score))
     z, weight = factor_nodes(lines.correlation)
-    found = -np.expm1(log_standing(lines, score, z)) @ weight
-    return found
+    return -np.expm1(log_standing(lines, score, z)) @ weight
 
 
 def joint_probability(

@@ -30,16 +30,16 @@ def check_names(case: Case) -> None:
         CaseError: names that nothing has, or curves with mistakes; all of them are listed.
     """
     file = case.file_name
-    mistakes = [Mistake(file, *found) for found in _findings(case)]
+    mistakes = [Mistake(file, *finding) for finding in _findings(case)]
     if mistakes:
         raise CaseError(mistakes)
 
 
 def cables(case: Case) -> Bools:
     """(lines,) True where a line is underground."""
-    found = np.zeros(len(case.network.line_names), bool)
-    found[[case.network.line(line.name) for line in case.line if line.underground]] = True
-    return found
+    underground = np.zeros(len(case.network.line_names), bool)
+    underground[[case.network.line(line.name) for line in case.line if line.underground]] = True
+    return underground
 
 
 def lines_of(
@@ -58,8 +58,8 @@ def lines_of(
     """
     table = case.storm or StormTable()
     curves = curves_of(table)
-    own = {line.name: line for line in case.line}
-    lines = [own.get(name, LineTable(name=name)) for name in names]
+    tables = {line.name: line for line in case.line}
+    lines = [tables.get(name, LineTable(name=name)) for name in names]
     factors = {line.name: line.hardening or table.hardening for line in lines}
     return poles_in_series(
         names, span_line, pole=[curves[line.pole or table.pole] for line in lines],
@@ -80,23 +80,23 @@ def curves_of(table: StormTable) -> dict[str, Curve]:
     Raises:
         UsageError: parameters that make no curve.
     """
-    return CURVES | {name: _curve(name, own) for name, own in table.curves.items()}
+    return CURVES | {name: _curve(name, curve) for name, curve in table.curves.items()}
 
 
 def _curve(name: str, table: CurveTable) -> Curve:
-    given = table.model_dump(exclude_none=True)
-    about = {key: given.pop(key) for key in _MEASURE}
-    return Curve(name=name, parameters=given, element="of the case", **about)
+    parameters = table.model_dump(exclude_none=True)
+    about = {key: parameters.pop(key) for key in _MEASURE}
+    return Curve(name=name, parameters=parameters, element="of the case", **about)
 
 
 def _findings(case: Case) -> Iterator[tuple[str, str, str, str, str]]:
     """Yields `(table, key, value, allowed, hint)`."""
     table = case.storm or StormTable()
-    for name, own in table.curves.items():
+    for curve_name, curve in table.curves.items():
         try:
-            _curve(name, own)
+            _curve(curve_name, curve)
         except UsageError as error:
-            where = f"[storm.curves.{name}]"
+            where = f"[storm.curves.{curve_name}]"
             yield where, "", str(error.message), "a curve", error.hint
     curves = [*CURVES, *table.curves]
     uses = [
@@ -107,9 +107,9 @@ def _findings(case: Case) -> Iterator[tuple[str, str, str, str, str]]:
         ("[storm]", "roughness", table.roughness, ROUGHNESS),
         ("[storm]", "rmw", table.rmw, RADII),
     ]
-    for where, key, given, known in uses:
-        if given is not None and given not in known:
-            yield where, key, show(given), ", ".join(known), did_you_mean(given, known)
+    for where, key, name, allowed in uses:
+        if name is not None and name not in allowed:
+            yield where, key, show(name), ", ".join(allowed), did_you_mean(name, allowed)
     yield from _other_winds(case, table)
     if table.roughness == "tchazards" and table.inland_km is None:
         hint = "or leave roughness out: knaff2011 needs no distance"
@@ -127,11 +127,17 @@ def _uses(case: Case, table: StormTable) -> Iterator[tuple[str, str, str | None]
 def _other_winds(case: Case, table: StormTable) -> Iterator[tuple[str, str, str, str, str]]:
     """Yields curves that want another wind than the poles' does: one wind is worked out."""
     measures = {name: curve.measure for name, curve in CURVES.items()}
-    for name, own in table.curves.items():
-        measures[name] = measure(own.averaging_s, own.height_m, own.exposure)
-    wanted = measures.get(table.pole)
-    for where, key, used in _uses(case, table):
-        its = measures.get(used or "", wanted)
-        if wanted is not None and its != wanted:
+    for name, curve in table.curves.items():
+        measures[name] = measure(curve.averaging_s, curve.height_m, curve.exposure)
+    poles_measure = measures.get(table.pole)
+    for where, key, curve_name in _uses(case, table):
+        curve_measure = measures.get(curve_name or "", poles_measure)
+        if poles_measure is not None and curve_measure != poles_measure:
             hint = "restate the curve in [storm.curves] for that wind; no factor is implied"
-            yield where, key, f"{used}, over a {its}", f"curves over a {wanted}", hint
+            yield (
+                where,
+                key,
+                f"{curve_name}, over a {curve_measure}",
+                f"curves over a {poles_measure}",
+                hint,
+            )

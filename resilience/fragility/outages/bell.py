@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,14 +105,14 @@ class Bell:
 
         # The centre alone reaches the target at `target / step`. A rate close to certainty in one
         # slot has a peak like a logarithm's, which no quadrature meets: up to 0.99 then.
-        most = min(target / step, 4.6 if self.rate else 36.0) * (1.0 + 1e-12)
-        if excess(most) < 0.0:
+        limit = min(target / step, 4.6 if self.rate else 36.0) * (1.0 + 1e-12)
+        if excess(limit) < 0.0:
             raise UsageError(
                 f"outage process: probability {self.probability} cannot be reached by a bell of "
                 f"sigma_slots {self.sigma_slots}",
                 hint="widen the bell",
             )
-        return float(-np.expm1(-brentq(excess, 0.0, most, xtol=1e-14)))
+        return float(-np.expm1(-brentq(excess, 0.0, limit, xtol=1e-14)))
 
     def slot_probability(
         self,
@@ -166,7 +166,25 @@ class Bell:
         return self.p_max * np.exp(-((away / self.sigma_slots) ** 2) / 2)
 
 
-def case_bell(case: Case, **changes: Any) -> Bell:
+class BellSettings(TypedDict, total=False):
+    """Fields of `Bell` to replace; those that are None stay as they are."""
+
+    probability: float | None
+    height: float | None
+    sigma_slots: float | None
+    duration_slots: tuple[int, int] | None
+    shift_slots: int | None
+    shared_shift: bool | None
+    common_draw: bool | None
+    refail: bool | None
+    wrap: bool | None
+    overnight: bool | None
+    centres: tuple[int, ...] | None
+    centre_error_slots: int | None
+    rate: bool | None
+
+
+def case_bell(case: Case, **changes: Unpack[BellSettings]) -> Bell:
     """The bell of a case, as its table `[outage]` says, with some settings replaced.
 
     Args:
@@ -176,7 +194,7 @@ def case_bell(case: Case, **changes: Any) -> Bell:
     Raises:
         UsageError: a value out of range.
     """
-    given = {key: value for key, value in changes.items() if value is not None}
-    if "probability" in given:
-        given.setdefault("height", None)
-    return Bell(**(dict(case.outage) | given))
+    settings = {key: value for key, value in changes.items() if value is not None}
+    if "probability" in settings:
+        settings.setdefault("height", None)
+    return Bell(**(dict(case.outage) | settings))

@@ -21,7 +21,7 @@ def case_repair(case: Case) -> Repair:
             wind_limit_mps=table.wind_limit_mps, priority=table.priority,
         )  # fmt: skip
     except UsageError as error:
-        file, found = case.file_name, error.message
+        file, message = case.file_name, error.message
         allowed = "hours of work that the law can have"
-        mistake = Mistake(file, "[storm.repair]", "hours", found, allowed, error.hint)
+        mistake = Mistake(file, "[storm.repair]", "hours", message, allowed, error.hint)
         raise CaseError([mistake]) from error

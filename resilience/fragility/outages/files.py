@@ -21,7 +21,7 @@ from resilience.fragility.outages.scenarios import COLUMNS, Scenarios, check_suf
 if TYPE_CHECKING:
     from resilience.case import Case
 
-LIMIT = 1_000_000  # scenarios; beyond, a number is a slip
+MAX_SCENARIOS = 1_000_000  # beyond, a number is a slip
 HINTS = {
     "scenario": "scenarios count from 0",
     "first": "slots count from 0",
@@ -45,19 +45,20 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
         )
     if path.suffix == ".csv":
         return _CSV(path, case).scenarios()
-    found = _read_npz(path)
-    unknown = [line for line in found.lines if not case.network.has_line(line)]
+    scenarios = _read_npz(path)
+    unknown = [line for line in scenarios.lines if not case.network.has_line(line)]
     if unknown:
         raise UsageError(
             f"{path.name}: line {unknown[0]!r} is not in case {case.name!r}",
             hint=case.network.line_hint(unknown[0]),
         )
-    if found.slots != case.slots:
+    if scenarios.slots != case.slots:
         raise UsageError(
-            f"{path.name}: scenarios of {found.slots} slots; allowed: {case.slots}, as the case",
+            f"{path.name}: scenarios of {scenarios.slots} slots; "
+            f"allowed: {case.slots}, as the case",
             hint="draw them again for this horizon",
         )
-    return found
+    return scenarios
 
 
 def _read_npz(path: Path) -> Scenarios:
@@ -96,9 +97,9 @@ class _CSV:
                 values = {key: (row.get(key) or "").strip() for key in (*COLUMNS, "weight")}
                 self.read(f"row {reader.line_num}", values)
         if missing:
-            found = ", ".join(columns) or "no columns"
+            heading = ", ".join(columns) or "no columns"
             hint = "the first row of the file names the columns"
-            self.wrong("header", missing[0], found, ", ".join(COLUMNS), hint)
+            self.wrong("header", missing[0], heading, ", ".join(COLUMNS), hint)
         elif self.highest < 0 and not self.mistakes:
             self.wrong("rows", "", "none", "a row per outage", "0,,, is a scenario without outage")
         if self.mistakes:
@@ -108,11 +109,11 @@ class _CSV:
     def read(self, where: str, row: dict[str, str]) -> None:
         """Takes one row, or says what is wrong with it."""
         before, slots = len(self.mistakes), self.case.slots
-        scenario = self.whole(where, "scenario", row, (0, LIMIT))
+        scenario = self.whole_number(where, "scenario", row, (0, MAX_SCENARIOS))
         self.weigh(where, scenario, row["weight"])
         if any(row[key] for key in ("line", "first", "stop")):
-            first = self.whole(where, "first", row, (0, slots - 1))
-            stop = self.whole(where, "stop", row, (first + 1, slots))
+            first = self.whole_number(where, "first", row, (0, slots - 1))
+            stop = self.whole_number(where, "stop", row, (first + 1, slots))
             line = row["line"]
             if not self.case.network.has_line(line):
                 hint = self.case.network.line_hint(line)
@@ -121,7 +122,7 @@ class _CSV:
                 self.events.append((scenario, line, first, stop))
         self.highest = max(self.highest, scenario)
 
-    def whole(self, where: str, key: str, row: dict[str, str], span: tuple[int, int]) -> int:
+    def whole_number(self, where: str, key: str, row: dict[str, str], span: tuple[int, int]) -> int:
         """The number under `key`; the lowest allowed where it is wrong."""
         low, high = span
         text = row[key]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from resilience.case import Case
 
 Distances = NDArray[np.float32] | NDArray[np.float64]
-MOST = 20_000  # different scenarios: their distances take 1.6 GB
+MAX_DIFFERENT = 20_000  # scenarios, whose distances then take 1.6 GB
 
 
 def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
@@ -45,19 +45,19 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
     graph.add_edges_from((i, j, k) for k, (i, j) in enumerate(ends) if network.in_service[k])
     roots = {network.bus(grid.bus) for grid in case.grid}
     load = np.zeros(len(network.bus_names))
-    for one in case.load:
-        load[network.bus(one.bus)] += one.p_max_mw
-    found = np.zeros(len(lines))
-    for at, name in enumerate(lines):
+    for table in case.load:
+        load[network.bus(table.bus)] += table.p_max_mw
+    behind_mw = np.zeros(len(lines))
+    for row, name in enumerate(lines):
         k = network.line(name)
         edge = int(network.from_bus[k]), int(network.to_bus[k]), k
         if not graph.has_edge(*edge):
             continue
         graph.remove_edge(*edge)
-        fed = {bus for part in nx.connected_components(graph) if part & roots for bus in part}
-        found[at] = sum(load[bus] for bus in range(len(load)) if bus not in fed)
+        fed = {bus for island in nx.connected_components(graph) if island & roots for bus in island}
+        behind_mw[row] = sum(load[bus] for bus in range(len(load)) if bus not in fed)
         graph.add_edge(*edge)
-    return found
+    return behind_mw
 
 
 def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -> Scenarios:
@@ -82,24 +82,24 @@ def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -
             hint="20 to 50 scenarios carry most of a storm",
         )
     different, alike = _different(scenarios)
-    if len(different) > MOST:
+    if len(different) > MAX_DIFFERENT:
         raise UsageError(
-            f"{len(different)} different scenarios; allowed: {MOST}",
+            f"{len(different)} different scenarios; allowed: {MAX_DIFFERENT}",
             hint="reduce them in parts, or draw fewer",
         )
     probability: Floats = np.bincount(alike, scenarios.probability).astype(float)
     distance = outage_distance(scenarios.chosen(different), load)
-    kept, nearest, lost = fast_forward(distance, probability, min(k, len(different)))
+    selected, nearest, lost = fast_forward(distance, probability, min(k, len(different)))
     unit = "slots" if load_mw is None else "slots MW"
-    weight = np.bincount(nearest, probability, minlength=len(kept))
-    index = different[kept]
+    weight = np.bincount(nearest, probability, minlength=len(selected))
+    index = different[selected]
     return Scenarios(
         scenarios.lines,
         scenarios.down[:, :, index],
         weight / weight.sum(),
         None if scenarios.centre is None else scenarios.centre[:, index],
         scenarios.seed,
-        f"{scenarios.process}; {len(kept)} kept of {scenarios.n}, distance {lost:.4g} {unit}",
+        f"{scenarios.process}; {len(selected)} kept of {scenarios.n}, distance {lost:.4g} {unit}",
     )
 
 
@@ -108,12 +108,12 @@ def outage_distance(scenarios: Scenarios, load: Floats) -> NDArray[np.float32]:
     down = scenarios.down.reshape(-1, scenarios.n)
     varies = down.any(axis=1) & ~down.all(axis=1)
     weight = np.repeat(load, scenarios.slots)[varies]
-    held = down[varies].astype(np.float32)
-    own = (weight @ down[varies]).astype(np.float32)
-    common = (held * weight.astype(np.float32)[:, None]).T @ held
-    found = (own[:, None] + own - 2.0 * common).astype(np.float32, copy=False)
-    np.fill_diagonal(found, 0.0)
-    return np.maximum(found, 0.0, out=found)
+    varying = down[varies].astype(np.float32)
+    down_time = (weight @ down[varies]).astype(np.float32)
+    common = (varying * weight.astype(np.float32)[:, None]).T @ varying
+    distance = (down_time[:, None] + down_time - 2.0 * common).astype(np.float32, copy=False)
+    np.fill_diagonal(distance, 0.0)
+    return np.maximum(distance, 0.0, out=distance)
 
 
 def fast_forward(distance: Distances, probability: Floats, k: int) -> tuple[Ints, Ints, float]:
@@ -128,28 +128,30 @@ def fast_forward(distance: Distances, probability: Floats, k: int) -> tuple[Ints
         (k,) indices of those kept, in the order chosen; (n,) which of these stands for each
         scenario, as a position in the first; and the transport distance.
     """
-    kept: list[int] = []
+    selected: list[int] = []
     nearest = np.zeros(len(probability), np.intp)
-    least = np.full(len(probability), np.inf)
+    to_nearest = np.full(len(probability), np.inf)
     for number in range(k):
-        total = _totals(distance, least, probability)
-        total[kept] = np.inf
+        total = _totals(distance, to_nearest, probability)
+        total[selected] = np.inf
         chosen = int(np.argmin(total))
-        kept.append(chosen)
-        closer = distance[chosen] < least
+        selected.append(chosen)
+        closer = distance[chosen] < to_nearest
         nearest[closer] = number
-        least = np.minimum(least, distance[chosen])
-    return np.array(kept, np.intp), nearest, float(least @ probability)
+        to_nearest = np.minimum(to_nearest, distance[chosen])
+    return np.array(selected, np.intp), nearest, float(to_nearest @ probability)
 
 
-def _totals(distance: Distances, least: Floats, probability: Floats, rows: int = 512) -> Floats:
+def _totals(
+    distance: Distances, to_nearest: Floats, probability: Floats, rows: int = 512
+) -> Floats:
     """(n,) the transport distance that each scenario would leave if it were kept as well."""
-    found = np.empty(len(probability))
+    totals = np.empty(len(probability))
     probability = probability.astype(distance.dtype)
-    for at in range(0, len(found), rows):
-        block = np.minimum(distance[at : at + rows], least.astype(distance.dtype))
-        found[at : at + rows] = block @ probability
-    return found
+    for start in range(0, len(totals), rows):
+        block = np.minimum(distance[start : start + rows], to_nearest.astype(distance.dtype))
+        totals[start : start + rows] = block @ probability
+    return totals
 
 
 def _different(scenarios: Scenarios) -> tuple[Ints, Ints]:

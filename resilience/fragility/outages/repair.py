@@ -27,7 +27,7 @@ LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
     "exponential": (("mean",), lambda u, mean: -mean * np.log1p(-u)),
 }
 
-MOST_SIGMA = 3.0
+MAX_SIGMA = 3.0
 """Of a lognormal: one repair in six would take twenty times the median or more."""
 
 
@@ -76,7 +76,7 @@ class Repair:
         ]
         if self.law == "lognormal" and len(self.hours) == 2:
             sigma = self.hours[1]
-            rules.append((sigma <= MOST_SIGMA, f"sigma {sigma:g}; allowed: up to {MOST_SIGMA:g}"))
+            rules.append((sigma <= MAX_SIGMA, f"sigma {sigma:g}; allowed: up to {MAX_SIGMA:g}"))
         wrong = [text for good, text in rules if not good]
         if wrong:
             raise UsageError(
@@ -118,8 +118,8 @@ class Repair:
 
 def ranks(priority: Mapping[str, float], lines: Sequence[str]) -> Ints:
     """(lines,) rank of each line by its priority, 0 where not given; equal ones alike, 0 first."""
-    given = [-priority.get(name, 0.0) for name in lines]
-    return np.unique(given, return_inverse=True)[1].ravel()
+    negated = [-priority.get(name, 0.0) for name in lines]
+    return np.unique(negated, return_inverse=True)[1].ravel()
 
 
 Lengths = Callable[[Ints, Ints, Ints], Ints]
@@ -133,12 +133,12 @@ class Begun:
     """Outages that have begun before the first slot.
 
     Attributes:
-        left: (lines, scenarios) slots of work left; 0 where a line is up.
+        work_left: (lines, scenarios) slots of work; 0 where a line is up.
         since: (lines,) slot of failure, below 0 where a line is down.
         waiting: (lines,) True where no crew has come yet.
     """
 
-    left: Ints
+    work_left: Ints
     since: Ints
     waiting: Bools
 
@@ -150,12 +150,12 @@ class Repaired:
     Attributes:
         down: (lines, slots, scenarios) True where a line is down.
         work: (slots, scenarios) crews at work.
-        left: (lines, scenarios) slots of work left at the end.
+        work_left: (lines, scenarios) slots of work at the end.
     """
 
     down: Bools
     work: Ints
-    left: Ints
+    work_left: Ints
 
 
 def repaired(
@@ -183,34 +183,34 @@ def repaired(
     """
     lines, n = first.shape
     queue = _Queue(crews, np.zeros(lines, np.intp) if order is None else order, first.shape)
-    left, times = np.zeros(first.shape, np.int32), np.zeros(first.shape, np.intp)
+    work_left, times = np.zeros(first.shape, np.int32), np.zeros(first.shape, np.intp)
     if begun is not None:
-        left[:] = begun.left
+        work_left[:] = begun.work_left
         queue.resume(begun)
     failing = _by_slot(first, slots)
     down, work = np.zeros((lines, slots, n), bool), np.zeros((slots, n), np.intp)
     for t in range(slots):
         for event in failing[t]:
             line, scenario = np.divmod(event, n)
-            left.ravel()[event] = length(line, scenario, times.ravel()[event])
+            work_left.ravel()[event] = length(line, scenario, times.ravel()[event])
             times.ravel()[event] += 1
             queue.join(event, t)
-        out = left > 0
+        out = work_left > 0
         if not out.any():
             continue
         down[:, t] = out
         working = calm(t) & out
         queue.serve(working, out)
         working &= ~queue.waiting
-        left -= working
+        work_left -= working
         work[t] = working.sum(axis=0)
-        event = np.flatnonzero(working & (left == 0))
+        event = np.flatnonzero(working & (work_left == 0))
         if again is not None and len(event) and t + 1 < slots:
             line, scenario = np.divmod(event, n)
             following = again(line, scenario, times.ravel()[event], t + 1)
             for slot in np.unique(following[following < slots]).tolist():
                 failing[slot].append(event[following == slot])
-    return Repaired(down, work, left.astype(np.intp))
+    return Repaired(down, work, work_left.astype(np.intp))
 
 
 def crew_since(down: Bools, calm: Bools, crews: int, order: Ints) -> Ints:
@@ -249,7 +249,19 @@ def _by_slot(first: Ints, slots: int) -> list[list[Ints]]:
 
 
 class _Queue:
-    """Who waits for a crew, and since when."""
+    """Who waits for a crew, and since when.
+
+    Args:
+        crews: how many; nobody waits if None.
+        rank: (lines,) of each line, lowest first.
+        shape: lines and scenarios.
+
+    Attributes:
+        waiting: (lines, scenarios) True where a line that is down has no crew yet.
+        since: (lines, scenarios) slots from `before` on in which it failed.
+        before: slots before the first in which the earliest outage that waits began, so that
+            `since` is never negative.
+    """
 
     def __init__(self, crews: int | None, rank: Ints, shape: tuple[int, int]) -> None:
         self.crews, self.rank = crews, rank
@@ -262,7 +274,7 @@ class _Queue:
         if self.crews is not None:
             self.before = -int(begun.since.min(initial=0))
             self.since[:] = begun.since[:, None] + self.before
-            self.waiting[:] = begun.waiting[:, None] & (begun.left > 0)
+            self.waiting[:] = begun.waiting[:, None] & (begun.work_left > 0)
 
     def join(self, event: Ints, t: int) -> None:
         """Lines that failed in slot t; each has its crew at once where crews are not short."""
@@ -274,21 +286,28 @@ class _Queue:
         """Sends the crews that are free to lines where they can start."""
         if self.crews is None:
             return
-        wanted = self.waiting & calm
+        candidates = self.waiting & calm
         idle = self.crews - (out & ~self.waiting).sum(axis=0)
-        found = wanted & (idle > 0)
-        short = np.flatnonzero((wanted.sum(axis=0) > idle) & (idle > 0))
+        served = candidates & (idle > 0)
+        short = np.flatnonzero((candidates.sum(axis=0) > idle) & (idle > 0))
         if len(short):
-            found[:, short] = self._foremost(wanted[:, short], short, idle[short])
-        self.waiting &= ~found
+            served[:, short] = self._foremost(candidates[:, short], short, idle[short])
+        self.waiting &= ~served
 
-    def _foremost(self, wanted: Bools, short: Ints, idle: Ints) -> Bools:
-        """(lines, short) the `idle` foremost of those that want a crew."""
-        lines, span = len(wanted), int(self.since.max()) + 1
+    def _foremost(self, candidates: Bools, short: Ints, idle: Ints) -> Bools:
+        """(lines, short) True for the `idle` foremost of the candidates for a crew.
+
+        Args:
+            candidates: (lines, short) who waits where there can be work.
+            short: scenarios in which crews are short.
+            idle: (short,) crews that are free.
+        """
+        lines, span = len(candidates), int(self.since.max()) + 1
         number = np.arange(lines)[:, None]
+        # Rank, then time of failure, then number, as the digits of one integer: one sort for all.
         key = (self.rank[:, None] * span + self.since[:, short]) * lines + number
-        key = np.where(wanted, key, np.iinfo(np.intp).max)
+        key = np.where(candidates, key, np.iinfo(np.intp).max)
         order = np.argsort(key, axis=0)
         place = np.empty_like(order)
         np.put_along_axis(place, order, np.broadcast_to(number, order.shape), axis=0)
-        return wanted & (place < idle)
+        return candidates & (place < idle)

@@ -79,7 +79,7 @@ class Scenarios:
                 up[list(names).index(line)] = ~self.down[k]
         return up
 
-    def chosen(self, index: Any) -> Scenarios:
+    def chosen(self, index: Ints) -> Scenarios:
         """Some of the scenarios, their weights scaled to add up to 1."""
         weight = self.probability[index]
         centre = None if self.centre is None else self.centre[:, index]
@@ -126,7 +126,9 @@ def check_suffix(path: Path) -> None:
 
 
 def _write_csv(scenarios: Scenarios, path: Path) -> None:
-    rows: dict[int, list[tuple[Any, ...]]] = {k: [] for k in range(scenarios.n)}
+    rows: dict[int, list[tuple[int, str, int | str, int | str]]] = {
+        k: [] for k in range(scenarios.n)
+    }
     for event in scenarios.events():
         rows[event[0]].append(event)
     with path.open("w", newline="", encoding="utf-8") as file:

@@ -115,15 +115,15 @@ def effective_size(scenarios: Scenarios) -> float:
     return float(1.0 / (scenarios.probability**2).sum())
 
 
-def _chances(members: int, given: ArrayLike | None) -> Floats:
-    found = np.full(members, 1.0) if given is None else np.asarray(given, float)
-    if found.shape != (members,) or members == 0 or not (found >= 0).all() or not found.sum():
+def _chances(members: int, stated: ArrayLike | None) -> Floats:
+    weights = np.full(members, 1.0) if stated is None else np.asarray(stated, float)
+    if weights.shape != (members,) or members == 0 or not (weights >= 0).all() or not weights.sum():
         raise UsageError(
-            f"{found.size} member probabilities for {members} winds; allowed: one a wind, none "
+            f"{weights.size} member probabilities for {members} winds; allowed: one a wind, none "
             "negative, not all 0",
             hint="leave them out where all members are equally likely",
         )
-    return found / found.sum()
+    return weights / weights.sum()
 
 
 class _Draws:
@@ -142,16 +142,17 @@ class _Draws:
         self.factor, self.probability = _factor(n, shift, factor)
         self._rounds: list[tuple[Floats, Floats]] = []
 
-    def at(self, which: int, line: Ints, scenario: Ints, times: Ints) -> Floats:
+    def numbers(self, kind: int, line: Ints, scenario: Ints, times: Ints) -> Floats:
         """(events,) exponential (0) or uniform (1) numbers of the so-many-th failure of lines."""
         while len(self._rounds) <= int(times.max(initial=0)):
-            one, two = self._next.spawn(2)
-            self._rounds.append((one.standard_exponential(self.shape), two.random(self.shape)))
-        found: Floats = np.empty(len(line))
+            exponential, uniform = self._next.spawn(2)
+            draws = exponential.standard_exponential(self.shape), uniform.random(self.shape)
+            self._rounds.append(draws)
+        drawn: Floats = np.empty(len(line))
         for number in np.flatnonzero(np.bincount(times)).tolist():
             now = times == number
-            found[now] = self._rounds[number][which][scenario[now], line[now]]
-        return found
+            drawn[now] = self._rounds[number][kind][scenario[now], line[now]]
+        return drawn
 
 
 def _factor(n: int, shift: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -189,14 +190,14 @@ class _Storms:
 
     def fails(self, line: Ints, scenario: Ints, times: Ints, start: int) -> Ints:
         """(events,) slot in which lines that are new at a slot fail."""
-        e = self.draws.at(0, line, scenario, times)
-        found = np.empty(len(line), np.intp)
+        e = self.draws.numbers(0, line, scenario, times)
+        slots = np.empty(len(line), np.intp)
         for k, clock in enumerate(self.clocks):
             mine = np.flatnonzero(self.member[scenario] == k)
             if clock is not None and len(mine):
                 place = self.place[scenario[mine]]
-                found[mine] = clock.first(line[mine], place, e[mine], start)
-        return found
+                slots[mine] = clock.first(line[mine], place, e[mine], start)
+        return slots
 
     def outages(self, repair: Repair | None, refail: bool) -> Bools:
         """(lines, slots, scenarios) True where a line is down."""
@@ -207,7 +208,7 @@ class _Storms:
             return first[:, None, :] <= np.arange(self.slots)[:, None]
 
         def length(line: Ints, scenario: Ints, times: Ints) -> Ints:
-            u = self.draws.at(1, line, scenario, times)
+            u = self.draws.numbers(1, line, scenario, times)
             return repair.work_slots(u, self.timing.step_h)
 
         works = np.array([calm(self.lines, wind, repair.wind_limit_mps) for wind in self.winds])

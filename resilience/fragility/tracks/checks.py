@@ -16,7 +16,13 @@ from resilience.errors import Mistake
 
 @dataclass(frozen=True)
 class Limit:
-    """Lowest and highest value a field may have, and what a value beyond them usually is."""
+    """Lowest and highest value a field may have.
+
+    Attributes:
+        low, high: in the unit.
+        unit: for messages.
+        hint: what a value beyond them usually is.
+    """
 
     low: float
     high: float
@@ -80,8 +86,8 @@ def _averaging(file: str, averaging_s: float | None) -> Iterator[Mistake]:
 
 
 def _times(file: str, time: Times, rows: Ints) -> Iterator[Mistake]:
-    known = np.flatnonzero(~np.isnat(time))
-    for before, after in pairwise(known):
+    readable = np.flatnonzero(~np.isnat(time))
+    for before, after in pairwise(readable):
         if time[after] <= time[before]:
             same = time[after] == time[before]
             yield Mistake(
@@ -132,7 +138,7 @@ def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Ite
     lat, lon = (np.where(_outside(key, fields[key]), np.nan, fields[key]) for key in ("lat", "lon"))
     for leap in leaps(hours, lat, lon):
         row = f"row {rows[leap.point]}"
-        yield Mistake(file, row, "lat, lon", leap.found, leap.allowed, leap.hint)
+        yield Mistake(file, row, "lat, lon", leap.text, leap.allowed, leap.hint)
 
 
 def _strength(
@@ -146,5 +152,5 @@ def _strength(
         fields["lat"], fields["lon"], fields["pressure_hpa"], fields["vmax_mps"], whose
     )
     if odd is not None:
-        found, hint = odd.found(f"row {rows[odd.point]}"), LIMITS["vmax_mps"].hint
-        yield Mistake(file, "track", "vmax_mps", found, odd.allowed, hint)
+        wind, hint = odd.text(f"row {rows[odd.point]}"), LIMITS["vmax_mps"].hint
+        yield Mistake(file, "track", "vmax_mps", wind, odd.allowed, hint)

@@ -26,7 +26,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     keys = (7, 4, 1)
     key = next((k for k in keys if storm and storm.casefold() in _names(storms, k)), 7)
     name = chosen([head[key] for head, _ in storms], storm, about.file)
-    same = [found for found in storms if found[0][key] == name]
+    same = [entry for entry in storms if entry[0][key] == name]
     if len(same) > 1:
         name = chosen([head[4] for head, _ in same], None, about.file)
     head, rows = same[0]
@@ -49,16 +49,16 @@ def _names(storms: list[tuple[list[str], list[Row]]], key: int) -> list[str]:
 
 def _storms(text: str) -> list[tuple[list[str], list[Row]]]:
     """Header of at least nine parts, and rows, of every storm."""
-    found: list[tuple[list[str], list[Row]]] = []
+    storms: list[tuple[list[str], list[Row]]] = []
     for number, line in enumerate(text.splitlines(), 1):
         parts = line.split()
         if not parts or line.startswith("#"):
             continue
         if parts[0] == "66666":
-            found.append((_header(parts), []))
-        elif found:
-            found[-1][1].append((parts, number))
-    return found
+            storms.append((_header(parts), []))
+        elif storms:
+            storms[-1][1].append((parts, number))
+    return storms
 
 
 def _header(parts: list[str]) -> list[str]:
@@ -70,7 +70,7 @@ def _header(parts: list[str]) -> list[str]:
 
 
 def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {
+    columns: dict[str, list[str]] = {
         key: [] for key in ("time", "lat", "lon", "pressure_hpa", "vmax_mps")
     }
     numbers = []
@@ -86,13 +86,13 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
             continue
         numbers.append(number)
         moment, _, lat, lon, pressure, wind = parts[:6]
-        found["time"].append(f"{moment[:4]}-{moment[4:6]}-{moment[6:8]}T{moment[8:]}:00")
-        found["lat"].append(_tenths(lat))
-        found["lon"].append(_tenths(lon))
-        found["pressure_hpa"].append(pressure)
-        found["vmax_mps"].append("" if wind == "0" else wind)
+        columns["time"].append(f"{moment[:4]}-{moment[4:6]}-{moment[6:8]}T{moment[8:]}:00")
+        columns["lat"].append(_tenths(lat))
+        columns["lon"].append(_tenths(lon))
+        columns["pressure_hpa"].append(pressure)
+        columns["vmax_mps"].append("" if wind == "0" else wind)
     about.rows = numbers
-    return found
+    return columns
 
 
 def _tenths(text: str) -> str:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from resilience.arrays import Floats, Ints, Times
 from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.errors import CaseError, Mistake
 from resilience.fragility.tracks.checks import mistakes
-from resilience.fragility.tracks.fill import filled
+from resilience.fragility.tracks.fill import FillSettings, filled
 from resilience.fragility.tracks.track import Track
 
-KNOWN: dict[str, tuple[str, float]] = {
+QUANTITIES: dict[str, tuple[str, float]] = {
     "lat": ("lat", 1.0),
     "lon": ("lon", 1.0),
     "pressure_hpa": ("pressure_hpa", 1.0),
@@ -34,7 +34,7 @@ KNOWN: dict[str, tuple[str, float]] = {
     "rmw_nmi": ("rmw_km", NAUTICAL_MILE_KM),
     "penv_hpa": ("penv_hpa", 1.0),
 }
-SAME: dict[str, str] = {
+SYNONYMS: dict[str, str] = {
     "time_utc": "time",
     "iso_time": "time",
     "datetime": "time",
@@ -51,11 +51,11 @@ SAME: dict[str, str] = {
     "environmental_pressure_hpa": "penv_hpa",
 }
 FIELDS = ("lat", "lon", "pressure_hpa", "vmax_mps", "rmw_km", "penv_hpa")
-NAMES = [key for key in KNOWN if key not in ("lat", "lon")]
+NAMES = [key for key in QUANTITIES if key not in ("lat", "lon")]
 UNITLESS = ("vmax", "wind", "vm", "pressure", "pc", "pres", "rmw", "penv")
-MEANT = re.compile("vmax|wind|pressure|rmw|penv")
-MEANT_WORDS = {"vm", "pc", "pres", "msw", "mslp", "pmin", "poci", "rmax"}
-BESIDES = {"direction", "dir", "radii", "source", "quality", "flag", "note"}
+QUANTITY_LIKE = re.compile("vmax|wind|pressure|rmw|penv")
+QUANTITY_WORDS = {"vm", "pc", "pres", "msw", "mslp", "pmin", "poci", "rmax"}
+QUALIFIERS = {"direction", "dir", "radii", "source", "quality", "flag", "note"}
 EMPTY = ("", "na", "n/a", "nan", "none", "-")
 GAPS = (-99.0, -999.0)  # in agencies' files; a longitude may well be -99
 
@@ -74,7 +74,7 @@ class About:
         penv_hpa: pressure of the environment where no column says it; by basin if None.
         rmw: regression for a missing radius of maximum wind, a name of `RADII`.
         rows: (n,) line of the file of each row, for messages; from 1 if omitted.
-        problems: mistakes found so far.
+        mistakes: noted so far.
     """
 
     file: str = "track"
@@ -94,7 +94,21 @@ class About:
         self.mistakes.append(Mistake(self.file, where, key, str(value), allowed, hint))
 
 
-def track_of(columns: Mapping[str, Sequence[Any]], **about: Any) -> Track:
+class TrackFacts(TypedDict, total=False):
+    """What is known of a track besides its columns; see `About`."""
+
+    file: str
+    name: str
+    source: str
+    averaging_s: float | None
+    agency: str
+    basin: str
+    penv_hpa: float | None
+    rmw: str
+    rows: Sequence[int] | None
+
+
+def track_of(columns: Mapping[str, Sequence[Any]], **about: Unpack[TrackFacts]) -> Track:
     """A track from columns of numbers or text.
 
     Args:
@@ -118,13 +132,16 @@ def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
     rows: Ints = np.arange(1, n + 1) if about.rows is None else np.asarray(about.rows, np.intp)
     time = _times(named["time"], rows, about)
     fields = {key: np.full(n, np.nan) for key in FIELDS}
-    for key, (target, scale) in KNOWN.items():
+    for key, (target, scale) in QUANTITIES.items():
         if key in named:
             fields[target] = scale * _numbers(key, named[key], rows, about)
     about.averaging_s = _averaging(named, rows, about)
-    said = {(found.table, found.key) for found in about.mistakes}
-    found = mistakes(about.file, time, fields, rows, about.averaging_s, about.agency)
-    about.mistakes += [one for one in found if (one.table, one.key) not in said]
+    reported = {(mistake.table, mistake.key) for mistake in about.mistakes}
+    about.mistakes += [
+        mistake
+        for mistake in mistakes(about.file, time, fields, rows, about.averaging_s, about.agency)
+        if (mistake.table, mistake.key) not in reported
+    ]
     if about.mistakes:
         raise CaseError(sorted(about.mistakes, key=_row))
     return _finished(time, fields, about)
@@ -139,14 +156,15 @@ def _row(mistake: Mistake) -> int:
 def _finished(time: Times, fields: dict[str, Floats], about: About) -> Track:
     fields["lon"] = np.where(fields["lon"] > 180.0, fields["lon"] - 360.0, fields["lon"])
     seconds = (time - time[0]).astype("timedelta64[s]").astype(float)
-    found, notes = filled(fields | {"seconds": seconds}, vars(about))
-    del found["seconds"]
-    assert about.averaging_s is not None
+    assert about.averaging_s is not None  # a mistake otherwise
+    settings = FillSettings(about.averaging_s, about.agency, about.basin, about.penv_hpa, about.rmw)
+    complete, notes = filled(fields | {"seconds": seconds}, settings)
+    del complete["seconds"]
     return Track(
         about.name,
         about.source or about.file,
         time,
-        **found,
+        **complete,
         averaging_s=float(about.averaging_s),
         filled=notes,
         agency=about.agency,
@@ -155,12 +173,12 @@ def _finished(time: Times, fields: dict[str, Floats], about: About) -> Track:
 
 def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequence[Any]]:
     """The columns that are known, by their one name; mistakes in the heading are noted."""
-    found: dict[str, Sequence[Any]] = {}
+    named: dict[str, Sequence[Any]] = {}
     source: dict[str, str] = {}
     for heading, values in columns.items():
         key = heading.strip().lower()
-        key = SAME.get(key, key)
-        target = KNOWN.get(key, (key, 1.0))[0]
+        key = SYNONYMS.get(key, key)
+        target = QUANTITIES.get(key, (key, 1.0))[0]
         if target in source:
             about.wrong(
                 "heading",
@@ -171,44 +189,44 @@ def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequ
             )
             continue
         if _is_meant(key):
-            found_as = "no unit" if key in UNITLESS else "an unknown name"
+            problem = "no unit" if key in UNITLESS else "an unknown name"
             hint = "units stand in the name; call a column that means something else otherwise"
-            about.wrong("heading", heading, found_as, f"one of {', '.join(NAMES)}", hint)
-        if key in KNOWN or key in ("time", "averaging_s"):
+            about.wrong("heading", heading, problem, f"one of {', '.join(NAMES)}", hint)
+        if key in QUANTITIES or key in ("time", "averaging_s"):
             source[target] = heading
-            found[key] = values
-    missing = [key for key in ("time", "lat", "lon") if key not in found]
+            named[key] = values
+    missing = [key for key in ("time", "lat", "lon") if key not in named]
     for key in missing:
         about.wrong("heading", key, "no such column", f"a column {key}", "columns need a heading")
-    if len({len(values) for values in found.values()}) > 1:
-        lengths = ", ".join(f"{key} {len(values)}" for key, values in found.items())
+    if len({len(values) for values in named.values()}) > 1:
+        lengths = ", ".join(f"{key} {len(values)}" for key, values in named.items())
         about.wrong(
             "heading", "columns", lengths, "columns of one length", "fill gaps with nothing"
         )
         missing.append("length")
     if missing:
         raise CaseError(about.mistakes)
-    return found
+    return named
 
 
 def _is_meant(key: str) -> bool:
     """Whether an unknown name looks like a wind, a pressure or a radius of maximum wind."""
     words = set(re.split(r"[^a-z]+", key))
-    if key in KNOWN or words & BESIDES:
+    if key in QUANTITIES or words & QUALIFIERS:
         return False
-    return bool(MEANT.search(key) or words & MEANT_WORDS)
+    return bool(QUANTITY_LIKE.search(key) or words & QUANTITY_WORDS)
 
 
 def _times(values: Sequence[Any], rows: Ints, about: About) -> Times:
-    found = np.full(len(values), "NaT", "datetime64[s]")
+    times = np.full(len(values), "NaT", "datetime64[s]")
     for k, value in enumerate(values):
         try:
-            found[k] = _moment(value)
+            times[k] = _moment(value)
         except ValueError:
             about.wrong(
                 int(rows[k]), "time", value, "a time as 2014-07-18T06:00Z", "times are in UTC"
             )
-    return found
+    return times
 
 
 def _moment(value: Any) -> np.datetime64:
@@ -217,14 +235,14 @@ def _moment(value: Any) -> np.datetime64:
         value = datetime.fromisoformat(value.strip())
     if isinstance(value, datetime):
         value = value.astimezone(UTC).replace(tzinfo=None) if value.tzinfo else value
-    found = np.datetime64(value, "s")
-    if np.isnat(found):
+    moment = np.datetime64(value, "s")
+    if np.isnat(moment):
         raise ValueError(value)
-    return found
+    return moment
 
 
 def _numbers(key: str, values: Sequence[Any], rows: Ints, about: About) -> Floats:
-    found = np.full(len(values), np.nan)
+    numbers = np.full(len(values), np.nan)
     for k, value in enumerate(values):
         text = "" if value is None else str(value).strip()
         if text.lower() in EMPTY:
@@ -237,25 +255,25 @@ def _numbers(key: str, values: Sequence[Any], rows: Ints, about: About) -> Float
             about.wrong(int(rows[k]), key, value, "a number, or nothing", "a point is the decimal")
             continue
         if key == "lon" or number not in GAPS:
-            found[k] = number
-    return found
+            numbers[k] = number
+    return numbers
 
 
 def _averaging(named: Mapping[str, Sequence[Any]], rows: Ints, about: About) -> float | None:
     """The averaging time, from the column, the caller and the agency; they must agree."""
-    said = set()
+    stated = set()
     if "averaging_s" in named:
         column = _numbers("averaging_s", named["averaging_s"], rows, about)
-        said = set(column[~np.isnan(column)].tolist())
+        stated = set(column[~np.isnan(column)].tolist())
     if about.averaging_s is not None:
-        said.add(float(about.averaging_s))
-    own = AGENCIES.get(about.agency)
-    if about.agency and own is None:
+        stated.add(float(about.averaging_s))
+    source = AGENCIES.get(about.agency)
+    if about.agency and source is None:
         hint = "leave it out where none of these made the winds"
         about.wrong("track", "agency", about.agency, ", ".join(AGENCIES), hint)
-    allowed = f"{own.averaging_s:g}, as {about.agency}" if own else "one averaging time"
-    if len(said) > 1 or (own and said - {own.averaging_s}):
-        values = ", ".join(f"{value:g}" for value in sorted(said))
-        hint = "leave it out: the agency's is known" if own else "convert one of them first"
+    allowed = f"{source.averaging_s:g}, as {about.agency}" if source else "one averaging time"
+    if len(stated) > 1 or (source and stated - {source.averaging_s}):
+        values = ", ".join(f"{value:g}" for value in sorted(stated))
+        hint = "leave it out: the agency's is known" if source else "convert one of them first"
         about.wrong("track", "averaging_s", values, allowed, hint)
-    return own.averaging_s if own else min(said, default=None)
+    return source.averaging_s if source else min(stated, default=None)

@@ -17,7 +17,7 @@ $\sqrt{\pi/2} \cdot 40$ = 50 km after one day, 150 km after three; 5 m/s in wind
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from datetime import datetime
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from resilience.arrays import Floats
 from resilience.earth.averaging import KNOT_MPS, relation, to_one_minute
 from resilience.earth.sphere import legs, moved
 from resilience.errors import UsageError
-from resilience.fragility.tracks.fill import HPA_PER_KNOT, LEAST_HPA, rmw_ibtracs
+from resilience.fragility.tracks.fill import HPA_PER_KNOT, MIN_HPA, rmw_ibtracs
 from resilience.fragility.tracks.track import Track
 
 
@@ -34,7 +34,7 @@ def ensemble(
     n: int,
     rng: np.random.Generator,
     *,
-    issued: Any = None,
+    issued: np.datetime64 | datetime | str | None = None,
     along_km_per_day: float = 40.0,
     cross_km_per_day: float = 40.0,
     intensity_mps: float = 5.0,
@@ -65,7 +65,7 @@ def ensemble(
             "allowed: 1 member or more, deviations of 0 or more",
             hint="0 leaves a kind of error out",
         )
-    start = track.time[0] if issued is None else np.datetime64(issued, "s")
+    start = track.time[0] if issued is None else np.datetime64(issued).astype("datetime64[s]")
     lead_s = (track.time - start).astype("timedelta64[s]").astype(float)
     lead_days = np.maximum(lead_s, 0.0) / 86_400.0
     along, cross, strength = rng.standard_normal((n, 3)).T
@@ -97,7 +97,7 @@ def _member(
     vmax = np.maximum(track.vmax_mps + np.where(track.present, stronger_mps, 0.0), 0.0)
     gain_kt = to_one_minute(vmax, agency) - to_one_minute(track.vmax_mps, agency)
     pressure = track.pressure_hpa + HPA_PER_KNOT * gain_kt / KNOT_MPS
-    pressure = np.clip(pressure, LEAST_HPA, np.maximum(track.penv_hpa, track.pressure_hpa))
+    pressure = np.clip(pressure, MIN_HPA, np.maximum(track.penv_hpa, track.pressure_hpa))
     scale = rmw_ibtracs(pressure) / rmw_ibtracs(track.pressure_hpa)
     return replace(
         track, lat=lat, lon=lon, vmax_mps=vmax, pressure_hpa=pressure, rmw_km=track.rmw_km * scale

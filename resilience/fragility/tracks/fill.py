@@ -8,7 +8,7 @@ Other regressions for the radius are as coded in TCHazaRds, dp in hPa and R in k
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,14 +26,14 @@ from resilience.errors import UsageError
 PENV_HPA = {"NA": 1010.0, "EP": 1010.0, "SA": 1010.0, "NI": 1005.0, "SI": 1005.0, "WP": 1005.0}
 PENV_HPA |= {"SP": 1004.0}
 PENV_DEFAULT_HPA = 1010.0
-LEAST_HPA = 850.0
+MIN_HPA = 850.0
 HPA_PER_KNOT = -0.7357
 
 
 def rmw_ibtracs(pressure_hpa: Floats, **_: Floats) -> Floats:
     """(n,) km, piecewise linear in the central pressure (CLIMADA)."""
-    at = (872.0, 940.0, 980.0, 1021.0)
-    return NAUTICAL_MILE_KM * np.interp(pressure_hpa, at, (14.907, 15.727, 25.742, 56.857))
+    pressures = (872.0, 940.0, 980.0, 1021.0)
+    return NAUTICAL_MILE_KM * np.interp(pressure_hpa, pressures, (14.907, 15.727, 25.742, 56.857))
 
 
 def rmw_vickery(dp_hpa: Floats, lat: Floats, **_: Floats) -> Floats:
@@ -60,50 +60,68 @@ RADII: dict[str, Callable[..., Floats]] = {
 }
 
 
+@dataclass(frozen=True)
+class FillSettings:
+    """What the filling of gaps needs to know of a track.
+
+    Attributes:
+        averaging_s: of its winds, s.
+        agency: whose winds they are, a name of `AGENCIES`, or empty.
+        basin: a key of `PENV_HPA`, or empty.
+        penv_hpa: pressure of the environment; by basin if None.
+        rmw: regression for the radius of maximum wind, a key of `RADII`.
+    """
+
+    averaging_s: float
+    agency: str
+    basin: str
+    penv_hpa: float | None
+    rmw: str
+
+
 def filled(
-    given: dict[str, Floats], meta: dict[str, Any]
+    fields: dict[str, Floats], settings: FillSettings
 ) -> tuple[dict[str, Floats], dict[str, str]]:
     """The fields of a track without gaps, and what was filled in.
 
     Args:
-        given: (n,) seconds, lat, lon, pressure_hpa, vmax_mps, rmw_km, penv_hpa; NaN is a gap.
-        meta: `averaging_s`, `agency`, `basin`, `penv_hpa` (None: by basin), `rmw`, a key of
-            `RADII`.
+        fields: (n,) seconds, lat, lon, pressure_hpa, vmax_mps, rmw_km, penv_hpa; NaN is a gap.
+        settings: how to fill them.
 
     Raises:
         UsageError: an unknown regression for the radius, or basin.
     """
-    if meta["rmw"] not in RADII:
+    if settings.rmw not in RADII:
         raise UsageError(
-            f"regression {meta['rmw']!r} for the radius of maximum wind; "
+            f"regression {settings.rmw!r} for the radius of maximum wind; "
             f"allowed: {', '.join(RADII)}",
             hint="ibtracs needs the pressure alone",
         )
-    if meta["basin"] and meta["basin"] not in PENV_HPA:
+    if settings.basin and settings.basin not in PENV_HPA:
         raise UsageError(
-            f"basin {meta['basin']!r}; allowed: {', '.join(PENV_HPA)}",
+            f"basin {settings.basin!r}; allowed: {', '.join(PENV_HPA)}",
             hint="it stands for the pressure around the storm, which `penv_hpa` states outright",
         )
-    found, notes = dict(given), _Notes(len(given["lat"]))
-    _fill_environment(found, meta, notes)
-    _fill_intensity(found, meta, notes)
-    gap = np.isnan(found["rmw_km"])
+    complete, notes = dict(fields), _Notes(len(fields["lat"]))
+    _fill_environment(complete, settings, notes)
+    _fill_intensity(complete, settings, notes)
+    gap = np.isnan(complete["rmw_km"])
     if gap.any():
-        agency = relation(meta["averaging_s"], meta["agency"])
-        radius = RADII[meta["rmw"]](
-            pressure_hpa=found["pressure_hpa"],
-            dp_hpa=np.maximum(found["penv_hpa"] - found["pressure_hpa"], 0.0),
-            v_mps=to_one_minute(found["vmax_mps"], agency),
-            lat=found["lat"],
+        agency = relation(settings.averaging_s, settings.agency)
+        radius = RADII[settings.rmw](
+            pressure_hpa=complete["pressure_hpa"],
+            dp_hpa=np.maximum(complete["penv_hpa"] - complete["pressure_hpa"], 0.0),
+            v_mps=to_one_minute(complete["vmax_mps"], agency),
+            lat=complete["lat"],
         )
-        notes.add("rmw_km", gap, f"regression {meta['rmw']}")
-        found["rmw_km"] = np.where(gap, radius, found["rmw_km"])
-    return found, notes.text
+        notes.add("rmw_km", gap, f"regression {settings.rmw}")
+        complete["rmw_km"] = np.where(gap, radius, complete["rmw_km"])
+    return complete, notes.text
 
 
-def _fill_environment(found: dict[str, Floats], meta: dict[str, Any], notes: _Notes) -> None:
-    gap = np.isnan(found["penv_hpa"])
-    value, basin = meta["penv_hpa"], meta["basin"]
+def _fill_environment(fields: dict[str, Floats], settings: FillSettings, notes: _Notes) -> None:
+    gap = np.isnan(fields["penv_hpa"])
+    value, basin = settings.penv_hpa, settings.basin
     how = (
         "as asked for"
         if value is not None
@@ -113,27 +131,27 @@ def _fill_environment(found: dict[str, Floats], meta: dict[str, Any], notes: _No
     )
     value = PENV_HPA.get(basin, PENV_DEFAULT_HPA) if value is None else value
     notes.add("penv_hpa", gap, f"{value:g} hPa, {how}")
-    found["penv_hpa"] = np.where(gap, value, found["penv_hpa"])
+    fields["penv_hpa"] = np.where(gap, value, fields["penv_hpa"])
 
 
-def _fill_intensity(found: dict[str, Floats], meta: dict[str, Any], notes: _Notes) -> None:
+def _fill_intensity(fields: dict[str, Floats], settings: FillSettings, notes: _Notes) -> None:
     """Pressure and wind from each other; where neither is given, from their neighbours in time."""
-    agency = relation(meta["averaging_s"], meta["agency"])
-    lat, lon = found["lat"], (found["lon"] + 180.0) % 360.0 - 180.0
-    pc, v = found["pressure_hpa"], found["vmax_mps"]
+    agency = relation(settings.averaging_s, settings.agency)
+    lat, lon = fields["lat"], (fields["lon"] + 180.0) % 360.0 - 180.0
+    pc, v = fields["pressure_hpa"], fields["vmax_mps"]
     no_pc, no_v = np.isnan(pc), np.isnan(v)
     knots = to_one_minute(v, agency) / KNOT_MPS
     from_v = 1026.3401 - 0.05504 * lat - 0.03536 * lon + HPA_PER_KNOT * knots
-    from_v = np.clip(from_v, LEAST_HPA, found["penv_hpa"])
+    from_v = np.clip(from_v, MIN_HPA, fields["penv_hpa"])
     from_pc = from_one_minute(np.maximum(usual_wind_kt(lat, lon, pc), 0.0) * KNOT_MPS, agency)
     notes.add("pressure_hpa", no_pc & ~no_v, "regression on the wind")
     notes.add("vmax_mps", no_v & ~no_pc, "regression on the pressure")
     both = no_pc & no_v
     for key, gap, values in (("pressure_hpa", no_pc, from_v), ("vmax_mps", no_v, from_pc)):
         notes.add(key, both, "linear in time")
-        value = np.where(gap, values, found[key])
-        value[both] = np.interp(found["seconds"][both], found["seconds"][~both], value[~both])
-        found[key] = value
+        value = np.where(gap, values, fields[key])
+        value[both] = np.interp(fields["seconds"][both], fields["seconds"][~both], value[~both])
+        fields[key] = value
 
 
 class _Notes:
@@ -146,5 +164,5 @@ class _Notes:
     def add(self, key: str, gap: Bools, how: str) -> None:
         if not gap.any():
             return
-        said = f"{int(gap.sum())} of {self.n}: {how}"
-        self.text[key] = f"{self.text[key]}; {said}" if key in self.text else said
+        note = f"{int(gap.sum())} of {self.n}: {how}"
+        self.text[key] = f"{self.text[key]}; {note}" if key in self.text else note

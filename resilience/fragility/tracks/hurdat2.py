@@ -31,7 +31,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     by_name = storm is not None and storm.casefold() in [title.casefold() for title in titles]
     names = titles if by_name else [identifier for identifier, _, _, _ in storms]
     name = chosen(names, storm, about.file)
-    same = [found for found, key in zip(storms, names, strict=True) if key == name]
+    same = [entry for entry, key in zip(storms, names, strict=True) if key == name]
     if len(same) > 1:
         name = chosen([head[0] for head in same], None, about.file)
     identifier, title, count, rows = same[0]
@@ -47,20 +47,20 @@ def parse(text: str, about: About, storm: str | None) -> Track:
 
 def _storms(text: str) -> list[tuple[str, str, str, list[Row]]]:
     """Identifier, name, number of rows stated, and the rows, of every storm."""
-    found: list[tuple[str, str, str, list[Row]]] = []
+    storms: list[tuple[str, str, str, list[Row]]] = []
     for number, line in enumerate(text.splitlines(), 1):
-        parts = [part.strip() for part in line.split(",")]
+        parts = [cell.strip() for cell in line.split(",")]
         if not line.strip() or line.startswith("#"):
             continue
         if parts[0][:2].isalpha() and len(parts) >= 3:
-            found.append((parts[0], parts[1], parts[2], []))
-        elif found:
-            found[-1][3].append((parts, number))
-    return found
+            storms.append((parts[0], parts[1], parts[2], []))
+        elif storms:
+            storms[-1][3].append((parts, number))
+    return storms
 
 
 def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {
+    columns: dict[str, list[str]] = {
         key: [] for key in ("time", "lat", "lon", "vmax_kt", "pressure_hpa", "rmw_nmi")
     }
     numbers = []
@@ -70,23 +70,23 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
             continue
         numbers.append(number)
         day, hour = parts[0], parts[1]
-        found["time"].append(f"{day[:4]}-{day[4:6]}-{day[6:]}T{hour[:2]}:{hour[2:]}")
-        found["lat"].append(_signed("lat", parts[4], "NS", number, about))
-        found["lon"].append(_signed("lon", parts[5], "EW", number, about))
-        found["vmax_kt"].append(parts[6])
-        found["pressure_hpa"].append(parts[7])
-        found["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
+        columns["time"].append(f"{day[:4]}-{day[4:6]}-{day[6:]}T{hour[:2]}:{hour[2:]}")
+        columns["lat"].append(_signed("lat", parts[4], "NS", number, about))
+        columns["lon"].append(_signed("lon", parts[5], "EW", number, about))
+        columns["vmax_kt"].append(parts[6])
+        columns["pressure_hpa"].append(parts[7])
+        columns["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
     about.rows = numbers
     if not numbers and about.mistakes:
         raise CaseError(about.mistakes)
-    return found
+    return columns
 
 
 def _signed(key: str, text: str, letters: str, row: int, about: About) -> str:
     """`45.8W` as `-45.8`; nothing, and a mistake, where the hemisphere is missing or another's."""
-    found = PLACE.fullmatch(text)
-    if found is None or found[2].upper() not in letters:
+    match = PLACE.fullmatch(text)
+    if match is None or match[2].upper() not in letters:
         allowed = f"degrees and {' or '.join(letters)}, as 45.8{letters[1]}"
         about.wrong(row, key, text or "nothing", allowed, "HURDAT2 has no signs")
         return ""
-    return f"{'-' if found[2].upper() == letters[1] else ''}{found[1]}"
+    return f"{'-' if match[2].upper() == letters[1] else ''}{match[1]}"

@@ -38,7 +38,7 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
         UsageError: the storm is not in the file, or must be named; no such agency.
     """
     rows, numbers = data_rows(_narrowed(text, storm))
-    heading = [part.strip().upper() for part in rows[0]]
+    heading = [cell.strip().upper() for cell in rows[0]]
     table = [
         (dict(zip(heading, row, strict=False)), k) for row, k in zip(rows, numbers, strict=True)
     ]
@@ -49,7 +49,7 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
     for unit_row in units:
         _check_units(unit_row, who, about)
     body = [(row, k) for row, k in body if _says(row, f"{who}_WIND") or _says(row, f"{who}_PRES")]
-    about.agency = _known(body, who, about)
+    about.agency = _agency_name(body, who, about)
     basin = body[0][0].get("BASIN", "").strip() if body else ""
     about.basin = about.basin or (basin if basin in PENV_HPA else "")
     about.source = f"{about.file}: {about.source}, IBTrACS, {who.lower()}"
@@ -66,15 +66,15 @@ def _narrowed(text: str, storm: str | None) -> str:
         return text
     key = re.sub(r"\s+\d{4}$", "", storm.strip()).casefold()
     lines, headings = text.splitlines(), 0
-    found = False
+    is_named = False
     for k, line in enumerate(lines):
         if headings < 2 and line.strip() and not line.startswith("#"):
             headings += 1
         elif key in line.casefold():
-            found = True
+            is_named = True
         else:
             lines[k] = ""
-    return "\n".join(lines) if found else text
+    return "\n".join(lines) if is_named else text
 
 
 def _main(row: Row) -> bool:
@@ -106,7 +106,7 @@ def _storm(body: list[tuple[Row, int]], storm: str | None, about: About) -> list
 
 
 def _in(storm: str, title: tuple[str, ...]) -> bool:
-    return storm.strip().casefold() in [part.casefold() for part in title]
+    return storm.strip().casefold() in [text.casefold() for text in title]
 
 
 def _agency(body: list[tuple[Row, int]], agency: str | None, file: str) -> str:
@@ -124,51 +124,51 @@ def _agency(body: list[tuple[Row, int]], agency: str | None, file: str) -> str:
     return "USA" if 2 * have["USA"] >= len(body) else max(have, key=lambda who: have[who])
 
 
-def _known(body: list[tuple[Row, int]], who: str, about: About) -> str:
+def _agency_name(body: list[tuple[Row, int]], who: str, about: About) -> str:
     """The agency's name; that of `WMO` columns is in the rows, and must be one."""
     if who != "WMO":
         return who.lower()
-    said = {row.get("WMO_AGENCY", "").strip().lower() for row, _ in body} - {""}
-    known = {RESPONSIBLE.get(name, "") for name in said}
-    if len(known) != 1 or known == {""}:
+    stated = {row.get("WMO_AGENCY", "").strip().lower() for row, _ in body} - {""}
+    agencies = {RESPONSIBLE.get(name, "") for name in stated}
+    if len(agencies) != 1 or agencies == {""}:
         about.wrong(
             "track",
             "WMO_AGENCY",
-            ", ".join(sorted(said)) or "nothing",
+            ", ".join(sorted(stated)) or "nothing",
             "one agency, whose averaging time is known",
             f"choose the columns of one with `agency`: {', '.join(AGENCIES)}",
         )
         return "usa"
-    return known.pop()
+    return agencies.pop()
 
 
 def _check_units(units: Row, who: str, about: About) -> None:
     for key, unit in UNITS.items():
-        said = units.get(f"{who}_{key}", unit).strip()
-        if said and said != unit:
-            about.wrong("row 2", f"{who}_{key}", said, unit, "is it IBTrACS version 4?")
+        stated = units.get(f"{who}_{key}", unit).strip()
+        if stated and stated != unit:
+            about.wrong("row 2", f"{who}_{key}", stated, unit, "is it IBTrACS version 4?")
 
 
 def _columns(body: list[tuple[Row, int]], who: str) -> dict[str, list[str]]:
     def place(row: Row, key: str) -> str:
         return row[f"{who}_{key}"] if _says(row, f"{who}_{key}") else row.get(key, "")
 
-    found = {
+    columns = {
         "time": [row.get("ISO_TIME", "") for row, _ in body],
         "lat": [place(row, "LAT") for row, _ in body],
         "lon": [place(row, "LON") for row, _ in body],
     }
-    own = {"vmax_kt": "WIND", "pressure_hpa": "PRES", "rmw_nmi": "RMW", "penv_hpa": "POCI"}
-    for target, key in own.items():
-        found[target] = [row.get(f"{who}_{key}", "") for row, _ in body]
+    headings = {"vmax_kt": "WIND", "pressure_hpa": "PRES", "rmw_nmi": "RMW", "penv_hpa": "POCI"}
+    for target, key in headings.items():
+        columns[target] = [row.get(f"{who}_{key}", "") for row, _ in body]
     # A closed isobar below the centre's own pressure is an agency's slip, not an environment.
-    for k in np.flatnonzero([_below(*pair) for pair in zip(*_pair(found), strict=True)]):
-        found["penv_hpa"][k] = ""
-    return found
+    for k in np.flatnonzero([_below(*pair) for pair in zip(*_pair(columns), strict=True)]):
+        columns["penv_hpa"][k] = ""
+    return columns
 
 
-def _pair(found: dict[str, list[str]]) -> tuple[list[str], list[str]]:
-    return found["penv_hpa"], found["pressure_hpa"]
+def _pair(columns: dict[str, list[str]]) -> tuple[list[str], list[str]]:
+    return columns["penv_hpa"], columns["pressure_hpa"]
 
 
 def _below(penv: str, pressure: str) -> bool:

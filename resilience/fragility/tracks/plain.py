@@ -20,8 +20,8 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         UsageError: the storm is not in it, or must be named.
     """
     rows, numbers = data_rows(text)
-    heading = [part.strip() for part in rows[0]] if rows else []
-    lower = [part.lower() for part in heading]
+    heading = [cell.strip() for cell in rows[0]] if rows else []
+    lower = [cell.lower() for cell in heading]
     body = []
     for row, number in zip(rows[1:], numbers[1:], strict=True):
         if len(row) != len(heading):
@@ -74,14 +74,14 @@ def chosen(names: list[str], storm: str | None, file: str) -> str:
             f"{file} has {len(there)} storms: {few or 'none'}; allowed: one",
             hint="say which with `storm`",
         )
-    found = [name for name in there if _same(name, storm)]
-    if not found:
+    matches = [name for name in there if _same(name, storm)]
+    if not matches:
         raise UsageError(
             f"storm {storm!r} is not in {file}; allowed: {few or 'none'}",
             hint="an identifier or a name",
         )
-    return found[0]
+    return matches[0]
 
 
-def _same(one: str, other: str) -> bool:
-    return one.strip().casefold() == other.strip().casefold()
+def _same(name: str, storm: str) -> bool:
+    return name.strip().casefold() == storm.strip().casefold()

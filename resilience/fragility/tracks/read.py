@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, Unpack
 
 from resilience.errors import UsageError
 from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
@@ -40,7 +40,8 @@ def _of_one_agency(parse: Callable[[str, About, str | None], Track]) -> Parser:
 
 
 def _has_headings(line: str, *headings: str) -> bool:
-    return set(headings) <= {part.strip().upper() for part in line.split(",")}
+    """Whether a first line names columns."""
+    return set(headings) <= {cell.strip().upper() for cell in line.split(",")}
 
 
 FORMATS: dict[str, TrackFormat] = {
@@ -60,7 +61,14 @@ FORMATS: dict[str, TrackFormat] = {
 }
 """Every format; a file that matches none is a CSV file."""
 
-OPTIONS = ("agency", "penv_hpa", "rmw", "basin")
+
+class TrackOptions(TypedDict, total=False):
+    """What to read of a track's file, and what to take where it says nothing."""
+
+    agency: str | None
+    penv_hpa: float | None
+    rmw: str | None
+    basin: str | None
 
 
 def read_track(
@@ -69,7 +77,7 @@ def read_track(
     format: str | None = None,
     averaging_s: float | None = None,
     storm: str | None = None,
-    **options: Any,
+    **options: Unpack[TrackOptions],
 ) -> Track:
     """Reads one storm.
 
@@ -109,9 +117,10 @@ def read_track(
             f"agency {agency!r} of a file in format {kind}; allowed: {about.agency}",
             hint="leave out the agency",
         )
-    for key in ("penv_hpa", "rmw", "basin"):
-        if options.get(key) is not None:
-            setattr(about, key, options[key])
+    about.penv_hpa = options.get("penv_hpa")
+    rmw, basin = options.get("rmw"), options.get("basin")
+    about.rmw = about.rmw if rmw is None else rmw
+    about.basin = about.basin if basin is None else basin
     try:
         return FORMATS[looks].parse(text, about, storm, agency)
     except csv.Error as error:
@@ -148,11 +157,12 @@ def _text(path: Path) -> str:
     return text
 
 
-def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
-    unknown = set(options) - set(OPTIONS)
+def _check(path: Path, format: str | None, options: Collection[str]) -> None:
+    allowed = TrackOptions.__annotations__
+    unknown = set(options) - set(allowed)
     if unknown:
         raise UsageError(
-            f"option {min(unknown)!r} of a track; allowed: {', '.join(OPTIONS)}",
+            f"option {min(unknown)!r} of a track; allowed: {', '.join(allowed)}",
             hint="averaging_s, format and storm are arguments of their own",
         )
     if format is not None and format not in FORMATS:
@@ -161,8 +171,8 @@ def _check(path: Path, format: str | None, options: dict[str, Any]) -> None:
             hint="leave it out: files are told apart by their look",
         )
     if not path.is_file():
-        what = "is no file" if path.exists() else "does not exist"
-        raise UsageError(f"track file {path} {what}", hint="give the path of a file")
+        complaint = "is no file" if path.exists() else "does not exist"
+        raise UsageError(f"track file {path} {complaint}", hint="give the path of a file")
 
 
 def _look(text: str) -> str:

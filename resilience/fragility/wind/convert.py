@@ -81,7 +81,7 @@ ROUGHNESS: dict[str, Callable[[Floats], Floats]] = {"knaff2011": knaff, "tchazar
 
 
 def factor(
-    now: Kind, wanted: Kind, roughness: str, inland_km: ArrayLike | None
+    source: Kind, target: Kind, roughness: str, inland_km: ArrayLike | None
 ) -> tuple[Floats, list[str]]:
     """The factor from one kind of wind to another, (points, 1) or (1, 1), and its names.
 
@@ -89,12 +89,12 @@ def factor(
         UsageError: a conversion without a source, or a roughness without what it needs.
     """
     value, names = np.ones((1, 1)), list[str]()
-    if now == wanted:
+    if source == target:
         return value, names
-    gust = _gust_of_ten_minutes(now, wanted)
+    gust = _gust_of_ten_minutes(source, target)
     if gust is not None:
         return value * gust.value, [f"{gust.source}: {gust.value:.3g}"]
-    for kind, power in ((now, -1), (wanted, 1)):
+    for kind, power in ((source, -1), (target, 1)):
         if kind.exposure not in EXPOSURES:
             raise UsageError(
                 f"exposure {kind.exposure!r}; allowed: {', '.join(EXPOSURES)}",
@@ -103,33 +103,33 @@ def factor(
         for step in (_averaging(kind), _height(kind)):
             value = value * step.value**power
             names += [f"{step.source}: {step.value**power:.3g}"] if step.source else []
-    if now.exposure != wanted.exposure:
+    if source.exposure != target.exposure:
         reduction = _land(roughness, inland_km)
-        value = value * (reduction if wanted.exposure == "land" else 1.0 / reduction)
-        names.append(f"{roughness}: {now.exposure} to {wanted.exposure}")
+        value = value * (reduction if target.exposure == "land" else 1.0 / reduction)
+        names.append(f"{roughness}: {source.exposure} to {target.exposure}")
     return value, names
 
 
-def _gust_of_ten_minutes(now: Kind, wanted: Kind) -> Factor | None:
+def _gust_of_ten_minutes(source: Kind, target: Kind) -> Factor | None:
     """The factor between a mean over ten minutes and a gust in it, if that is what is asked."""
-    if now[1:] != wanted[1:] or now.height_m != REFERENCE_HEIGHT_M:
+    if source[1:] != target[1:] or source.height_m != REFERENCE_HEIGHT_M:
         return None
-    found = GUST_OF_TEN_MINUTES.get(now.exposure)
-    if found is None or {now.averaging_s, wanted.averaging_s} != {GUST_S, 10 * SUSTAINED_S}:
+    gust = GUST_OF_TEN_MINUTES.get(source.exposure)
+    if gust is None or {source.averaging_s, target.averaging_s} != {GUST_S, 10 * SUSTAINED_S}:
         return None
-    return found if wanted.averaging_s == GUST_S else Factor(1.0 / found.value, found.source)
+    return gust if target.averaging_s == GUST_S else Factor(1.0 / gust.value, gust.source)
 
 
 def _averaging(kind: Kind) -> Factor:
-    found = AVERAGING.get((kind.exposure, kind.averaging_s))
-    if found is None:
-        known = ", ".join(f"{s:g}" for where, s in sorted(AVERAGING) if where == kind.exposure)
+    averaging = AVERAGING.get((kind.exposure, kind.averaging_s))
+    if averaging is None:
+        allowed = ", ".join(f"{s:g}" for where, s in sorted(AVERAGING) if where == kind.exposure)
         raise UsageError(
             f"no factor between means over 60 s and {kind.averaging_s:g} s over {kind.exposure}; "
-            f"allowed: {known} s",
+            f"allowed: {allowed} s",
             hint="the largest winds of a track are converted by agency: `tracks.one_minute`",
         )
-    return found
+    return averaging
 
 
 def _height(kind: Kind) -> Factor:

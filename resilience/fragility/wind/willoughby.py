@@ -41,17 +41,17 @@ def willoughby2006(r_m: Floats, eye: Eye, share: Share) -> Floats:
 
     r = r_m / 1000.0
     away = np.maximum(r - radius, -width)
-    found: Floats = a * np.exp(-away / SECOND_KM)
-    found += (1.0 - a) * np.exp(-away / first)
+    speed: Floats = a * np.exp(-away / SECOND_KM)
+    speed += (1.0 - a) * np.exp(-away / first)
     weight = (r - start) / width
     inner = weight < 1.0  # the bridge, and what is inside it: a small part of most grids
     _, when = np.nonzero(inner)
     power = np.exp(np.log(r[inner] / radius[when]) * n[when])
     share_out = betainc(5, 5, np.clip(weight[inner], 0.0, 1.0))
-    found[inner] = power + share_out * (found[inner] - power)
-    found *= v
-    found *= to_surface(r)
-    return found
+    speed[inner] = power + share_out * (speed[inner] - power)
+    speed *= v
+    speed *= to_surface(r)
+    return speed
 
 
 def to_surface(r_km: Floats) -> Floats:

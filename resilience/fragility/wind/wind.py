@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,12 +72,12 @@ class Wind:
                 f"exposure {exposure!r}; allowed: {', '.join(EXPOSURES)}",
                 hint="open country counts as land",
             )
-        wanted = Kind(
+        target = Kind(
             self.averaging_s if averaging_s is None else float(averaging_s),
             self.height_m if height_m is None else float(height_m),
             self.exposure if exposure is None else exposure,
         )
-        value, names = factor(self.kind, wanted, roughness, inland_km)
+        value, names = factor(self.kind, target, roughness, inland_km)
         if value.shape[0] not in (1, len(self.speed_mps)):
             raise UsageError(
                 f"inland_km of {value.shape[0]} points; allowed: {len(self.speed_mps)}",
@@ -88,7 +87,7 @@ class Wind:
             self,
             speed_mps=self.speed_mps * value,
             factors=(*self.factors, *names),
-            **wanted._asdict(),
+            **target._asdict(),
         )
 
 
@@ -129,8 +128,8 @@ def wind(
     speed, direction = np.empty((2, len(lat), len(track.time)))
     rows = max(BLOCK // len(track.time), 1)
     for start in range(0, len(lat), rows):
-        part = slice(start, start + rows)
-        distance, east, north = seen_from((eye.lat, eye.lon), (lat[part], lon[part]))
+        block = slice(start, start + rows)
+        distance, east, north = seen_from((eye.lat, eye.lon), (lat[block], lon[block]))
         np.maximum(distance, NEAREST_M, out=distance)
         ratio = eye.rmw_m / distance
         angle = None if inflow is None else INFLOWS[inflow](ratio)
@@ -138,10 +137,10 @@ def wind(
         carried = share(ratio)
         u += carried * eye.east_mps
         v += carried * eye.north_mps
-        np.sqrt(u * u + v * v, out=speed[part])
-        np.arctan2(u, v, out=direction[part])
+        np.sqrt(u * u + v * v, out=speed[block])
+        np.arctan2(u, v, out=direction[block])
         if cutoff_km is not None:
-            speed[part] *= distance <= 1000.0 * cutoff_km
+            speed[block] *= distance <= 1000.0 * cutoff_km
     if threshold_mps is not None:
         speed *= speed >= threshold_mps
     direction *= 180.0 / np.pi
@@ -177,14 +176,14 @@ def _check_points(lat: Floats, lon: Floats) -> None:
 
 
 def _check_names(model: str, asymmetry: str | None, inflow: str | None) -> None:
-    asked: tuple[tuple[str, str | None, Mapping[str, Any]], ...] = (
+    options: tuple[tuple[str, str | None, Mapping[str, object]], ...] = (
         ("model", model, MODELS),
         ("asymmetry", asymmetry, ASYMMETRIES),
         ("inflow", inflow, INFLOWS),
     )
     wrong = [
         f"{key} {value!r}; allowed: {', '.join(table)}"
-        for key, value, table in asked
+        for key, value, table in options
         if value is not None and value not in table
     ]
     if wrong:

@@ -7,7 +7,7 @@ import pytest
 
 from resilience.fragility.beliefs.conditional import (
     DayDraw,
-    Known,
+    LineHistory,
     chances,
     expected_left,
     futures,
@@ -19,13 +19,13 @@ DAY = 96
 NEVER = np.full(1, -1)
 
 
-def known(t: int, centre: int, since: int = -1, spent: bool = False) -> Known:
-    return Known(t, centre, np.array([since]), np.array([spent]))
+def known(t: int, centre: int, since: int = -1, spent: bool = False) -> LineHistory:
+    return LineHistory(t, centre, np.array([since]), np.array([spent]))
 
 
 def days(seed: int, paths: int, n: int = 2) -> list[DayDraw]:
     rng = np.random.default_rng(seed)
-    return [DayDraw.of(1, paths, rng) for _ in range(n)]
+    return [DayDraw.draw(1, paths, rng) for _ in range(n)]
 
 
 def test_strata_hit_every_part_of_the_unit_interval_once() -> None:
@@ -74,8 +74,8 @@ def test_chances_are_the_frequencies_of_sampled_futures(centre: int, line: int) 
     """Of a line that follows the centre, and of one that is shifted against it."""
     bell, n, slots = Bell(), 20_000, 120
     rng = np.random.default_rng(6)
-    up = Known(30, centre, np.full(2, -1), np.zeros(2, bool))
-    draws = [DayDraw.of(2, n, rng) for _ in range(2)]
+    up = LineHistory(30, centre, np.full(2, -1), np.zeros(2, bool))
+    draws = [DayDraw.draw(2, n, rng) for _ in range(2)]
     down = futures(bell, up, slots, DAY, draws)[line]
     begins = down & ~np.pad(down, ((1, 0), (0, 0)))[:-1]
     chance = chances(bell, up, slots, DAY)[line]

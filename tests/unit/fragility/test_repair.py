@@ -34,7 +34,7 @@ def run(crews: int | None, calm: np.ndarray = CALM, order: np.ndarray | None = N
 @pytest.mark.parametrize("crews", [None, 1, 2, 5])
 def test_work_is_conserved(crews: int | None) -> None:
     found = run(crews)
-    assert (found.left == 0).all()
+    assert (found.work_left == 0).all()
     assert (found.work.sum(axis=0) == np.where(FAILS, LENGTH, 0).sum(axis=0)).all()
     assert crews is None or found.work.max() == crews
     assert (found.down.sum(axis=1) >= np.where(FAILS, LENGTH, 0)).all()
@@ -130,7 +130,7 @@ def test_what_is_not_done_at_the_end_is_left() -> None:
         lambda t: np.full((1, 1), t != 7),
         10,
     )
-    assert found.left.tolist() == [[7]]
+    assert found.work_left.tolist() == [[7]]
     assert found.down[0, :, 0].tolist() == [False] * 6 + [True] * 4
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Floats
-from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing, accumulated, failed_by
 from resilience.fragility.lines.spans import (
@@ -45,10 +45,10 @@ def belief(correlation: float, repair: Repair = FIXED) -> StormBelief:
     return StormBelief(fallen, weight, np.ones((3, SLOTS), bool), repair, 0.25)
 
 
-def known(t: int, **failed: int) -> Known:
+def known(t: int, **failed: int) -> LineHistory:
     """Lines that failed in a slot and are down still; all others are up."""
     first = np.array([failed.get(name, -1) for name in NAMES])
-    return Known(t, -1, first.copy(), first >= 0, 0, first)
+    return LineHistory(t, -1, first.copy(), first >= 0, 0, first)
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.3, 0.8])
@@ -121,5 +121,5 @@ def test_one_crew_mends_one_line_after_the_other() -> None:
 
 def test_a_mended_line_is_believed_to_hold() -> None:
     first = np.array([-1, 1, -1])
-    mended = Known(5, -1, np.full(3, -1), first >= 0, 0, first)
+    mended = LineHistory(5, -1, np.full(3, -1), first >= 0, 0, first)
     assert belief(0.3).chances(mended, SLOTS)[1].sum() == 0.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Bools
-from resilience.fragility.beliefs.conditional import Known
+from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing
 from resilience.fragility.lines.spans import SpanWind, poles_in_series
@@ -42,13 +42,13 @@ def drawn(of: SimpleNamespace, n: int, seed: int = 1) -> Bools:
     ).down  # fmt: skip
 
 
-def known(past: Bools) -> Known:
+def known(past: Bools) -> LineHistory:
     """What somebody knows who saw the lines (lines, t + 1)."""
     t, before = past.shape[1] - 1, np.pad(past, ((0, 0), (1, 0)))[:, :-1]
     slot = np.arange(t + 1)
     latest = np.where(past & ~before, slot, -1).max(axis=1)
     first = np.where(past.any(axis=1), past.argmax(axis=1), -1)
-    return Known(t, -1, np.where(past[:, -1], latest, -1), first >= 0, 0, first, past)
+    return LineHistory(t, -1, np.where(past[:, -1], latest, -1), first >= 0, 0, first, past)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_lines_that_wait_for_a_crew_are_not_mended(repair: Repair, left: list[in
     down = drawn(of, 1)[:, :, 0]
     assert down[:, 0].all()
     assert down[:, 21:].sum(axis=1).tolist() == left
-    assert StormBelief.of(of, NAMES).expected_left(known(down[:, :21])).tolist() == left
+    assert StormBelief.from_storm(of, NAMES).expected_left(known(down[:, :21])).tolist() == left
 
 
 def test_a_line_in_work_keeps_its_crew_when_one_of_higher_priority_fails() -> None:
@@ -73,7 +73,7 @@ def test_a_line_in_work_keeps_its_crew_when_one_of_higher_priority_fails() -> No
     of = storm(np.full(40, 5.0), Repair("fixed", (8.0,), crews=1, priority={"c": 1.0}))
     past = np.zeros((4, 6), bool)
     past[0, 2:] = past[1, 3:] = past[2, 4:] = True
-    assert StormBelief.of(of, NAMES).expected_left(known(past)).tolist() == [4, 20, 12, 0]
+    assert StormBelief.from_storm(of, NAMES).expected_left(known(past)).tolist() == [4, 20, 12, 0]
 
 
 WINDY = np.array([40.0, 52.0, 58.0, 61.0, 30.0, 15.0, 15.0, 30.0] + [10.0] * 24)
@@ -92,7 +92,7 @@ def test_outages_go_on_as_in_all_storms_that_look_the_same(repair: Repair) -> No
     """Rejection: of many storms, those whose lines were down in the same slots until now."""
     of = storm(UNEVEN, repair)
     down, n = drawn(of, 100_000), 4000
-    found = StormBelief.of(of, NAMES)
+    found = StormBelief.from_storm(of, NAMES)
     checked = 0
     for t in (4, 6, 9, 12):
         past = np.packbits(down[:, : t + 1].reshape(-1, down.shape[2]), axis=0)

@@ -74,7 +74,7 @@ def test_real_tracks_pass_and_their_knots_do_not(file: str, agency: str) -> None
     assert too_strong(*places, track.vmax_mps, AGENCIES[agency]) is None
     odd = too_strong(*places, track.vmax_mps / KNOT_MPS, AGENCIES[agency])
     assert odd is not None
-    assert odd.usual_mps < odd.most_mps < odd.found_mps
+    assert odd.usual_mps < odd.limit_mps < odd.wind_mps
     wind = to_one_minute(track.vmax_mps, AGENCIES[agency]) / KNOT_MPS
     stormy = (wind > 34.0) & (track.pressure_hpa <= 1000.0)
     share = (wind / (1.4 * usual_wind_kt(*places) + 15.0))[stormy]
@@ -119,7 +119,7 @@ def test_winds_are_compared_over_one_minute() -> None:
     assert too_strong(*one, NAMELESS[60.0]) is None
     odd = too_strong(*one, NAMELESS[600.0])
     assert odd is not None
-    assert odd.most_mps == pytest.approx(174.03 * KNOT_MPS * 0.88, rel=1e-3)
+    assert odd.limit_mps == pytest.approx(174.03 * KNOT_MPS * 0.88, rel=1e-3)
     assert odd.usual_mps == pytest.approx(113.60 * KNOT_MPS * 0.88, rel=1e-3)
     east = one[0], one[1] - 360.0, *one[2:]
     assert too_strong(*east, NAMELESS[600.0]) == odd
