@@ -49,7 +49,7 @@ def legs(lat: ArrayLike, lon: ArrayLike) -> list[Floats]:
     return [RADIUS_M * np.arctan2(across, u), e / safe, n / safe]
 
 
-def moved(
+def destination(
     lat: ArrayLike, lon: ArrayLike, east_m: ArrayLike, north_m: ArrayLike
 ) -> tuple[Floats, Floats]:
     """Latitude and longitude, degrees, of points moved along the great circle of a displacement."""

@@ -29,7 +29,13 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.beliefs.conditional import LineHistory, strata
 from resilience.fragility.lines.damage import accumulated
 from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
-from resilience.fragility.outages.repair import Begun, Repair, crew_since, ranks, repaired
+from resilience.fragility.outages.repair import (
+    OngoingOutages,
+    Repair,
+    crew_since,
+    ranks,
+    repair_outcome,
+)
 from resilience.tolerances import SLOT_TOLERANCE
 
 if TYPE_CHECKING:
@@ -167,9 +173,9 @@ class StormBelief:
         def calm(slot: int) -> Bools:
             return self.calm[:, now + slot, None]
 
-        down[:, :horizon] = repaired(
+        down[:, :horizon] = repair_outcome(
             first, lengths, calm, horizon, crews=self.crews, order=self.order,
-            begun=self._begun(history, length, work),
+            ongoing=self._ongoing(history, length, work),
         ).down  # fmt: skip
         return down
 
@@ -186,7 +192,7 @@ class StormBelief:
         """(lines,) True where a line has not failed yet."""
         return (history.since < 0) & ~history.spent
 
-    def _begun(self, history: LineHistory, u: Floats, work: Ints) -> Begun | None:
+    def _ongoing(self, history: LineHistory, u: Floats, work: Ints) -> OngoingOutages | None:
         """Outages of the present: who waits, and the work left on each path.
 
         Args:
@@ -206,7 +212,9 @@ class StormBelief:
             shortest = int(np.searchsorted(self.work, done))
             possible = self.work[shortest:] if shortest < len(self.work) else np.array([done])
             remaining[k] = possible[(u[k] * len(possible)).astype(np.intp)] - done
-        return Begun(remaining, np.where(is_down, history.since - now, 0), is_down & (came < 0))
+        return OngoingOutages(
+            remaining, np.where(is_down, history.since - now, 0), is_down & (came < 0)
+        )
 
     def _draws(self, n: int) -> tuple[Floats, Floats, Floats]:
         """Stratified numbers: failure and length of work (lines, n), and component (n,)."""

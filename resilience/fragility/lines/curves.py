@@ -174,6 +174,14 @@ def _scaled(curve: Curve, factor: float) -> Parameters:
 
 @dataclass(frozen=True)
 class _Kind:
+    """A kind of curve.
+
+    Attributes:
+        mistakes: what is wrong with its parameters.
+        score: (...) normal quantile of the probability at speeds (...), m/s.
+        speed: (...) m/s, the lowest at which the probability reaches u (...).
+    """
+
     mistakes: Callable[[Parameters], list[str]]
     score: Callable[[Parameters, Floats], Floats]
     speed: Callable[[Parameters, Floats], Floats]
@@ -227,6 +235,7 @@ def _piecewise_speed(parameters: Parameters, u: Floats) -> Floats:
 
 
 def _tabulated_mistakes(parameters: Parameters) -> list[str]:
+    """What is wrong with a table of speeds and probabilities."""
     if set(parameters) != {"speed_mps", "probability"}:
         return [f"parameters {', '.join(parameters)}; allowed: speed_mps and probability"]
     speed, chance = (np.asarray(parameters[key], float) for key in ("speed_mps", "probability"))

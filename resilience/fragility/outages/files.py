@@ -62,6 +62,7 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
 
 
 def _read_npz(path: Path) -> Scenarios:
+    """Reads a .npz file; see `scenarios.py` for what is in it."""
     try:
         with np.load(path) as file:
             about = json.loads(str(file["about"]))

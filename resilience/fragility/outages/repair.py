@@ -129,7 +129,7 @@ Again = Callable[[Ints, Ints, Ints, int], Ints]
 
 
 @dataclass(frozen=True, eq=False)
-class Begun:
+class OngoingOutages:
     """Outages that have begun before the first slot.
 
     Attributes:
@@ -144,7 +144,7 @@ class Begun:
 
 
 @dataclass(frozen=True, eq=False)
-class Repaired:
+class RepairOutcome:
     """What became of the lines.
 
     Attributes:
@@ -158,7 +158,7 @@ class Repaired:
     work_left: Ints
 
 
-def repaired(
+def repair_outcome(
     first: Ints,
     length: Lengths,
     calm: Callable[[int], Bools],
@@ -167,9 +167,9 @@ def repaired(
     crews: int | None = None,
     order: Ints | None = None,
     again: Again | None = None,
-    begun: Begun | None = None,
-) -> Repaired:
-    """Fails and repairs lines, slot by slot and in all scenarios at once.
+    ongoing: OngoingOutages | None = None,
+) -> RepairOutcome:
+    """What becomes of lines that fail and are repaired, slot by slot, all scenarios at once.
 
     Args:
         first: (lines, scenarios) slot of the first failure; `slots` or more: never.
@@ -179,14 +179,14 @@ def repaired(
         crews: see `Repair`.
         order: (lines,) rank of each line, lowest first; all alike if omitted.
         again: of a line that was repaired; it does not fail again if omitted.
-        begun: outages that have begun already; those lines fail at no slot of `first`.
+        ongoing: outages that have begun already; those lines fail at no slot of `first`.
     """
     lines, n = first.shape
     queue = _Queue(crews, np.zeros(lines, np.intp) if order is None else order, first.shape)
     work_left, times = np.zeros(first.shape, np.int32), np.zeros(first.shape, np.intp)
-    if begun is not None:
-        work_left[:] = begun.work_left
-        queue.resume(begun)
+    if ongoing is not None:
+        work_left[:] = ongoing.work_left
+        queue.resume(ongoing)
     failing = _by_slot(first, slots)
     down, work = np.zeros((lines, slots, n), bool), np.zeros((slots, n), np.intp)
     for t in range(slots):
@@ -210,14 +210,14 @@ def repaired(
             following = again(line, scenario, times.ravel()[event], t + 1)
             for slot in np.unique(following[following < slots]).tolist():
                 failing[slot].append(event[following == slot])
-    return Repaired(down, work, work_left.astype(np.intp))
+    return RepairOutcome(down, work, work_left.astype(np.intp))
 
 
 def crew_since(down: Bools, calm: Bools, crews: int, order: Ints) -> Ints:
     """(lines,) slot in which a crew came to each line that is down at last; -1: none is there.
 
-    The queue of `repaired`, told from outages that were seen. It changes only where a line fails
-    or is back, or may be worked at again, so that other slots are passed over.
+    The queue of `repair_outcome`, told from outages that were observed. It changes only where a
+    line fails or is back, or may be worked at again, so that other slots are passed over.
 
     Args:
         down: (lines, slots) where lines were seen down; at least one slot.
@@ -269,12 +269,12 @@ class _Queue:
         self.since = np.zeros(shape, np.intp)
         self.before = 0
 
-    def resume(self, begun: Begun) -> None:
+    def resume(self, ongoing: OngoingOutages) -> None:
         """Takes over outages that have begun: those who wait have waited since their failure."""
         if self.crews is not None:
-            self.before = -int(begun.since.min(initial=0))
-            self.since[:] = begun.since[:, None] + self.before
-            self.waiting[:] = begun.waiting[:, None] & (begun.work_left > 0)
+            self.before = -int(ongoing.since.min(initial=0))
+            self.since[:] = ongoing.since[:, None] + self.before
+            self.waiting[:] = ongoing.waiting[:, None] & (ongoing.work_left > 0)
 
     def join(self, event: Ints, t: int) -> None:
         """Lines that failed in slot t; each has its crew at once where crews are not short."""

@@ -79,7 +79,7 @@ class Scenarios:
                 up[list(names).index(line)] = ~self.down[k]
         return up
 
-    def chosen(self, index: Ints) -> Scenarios:
+    def chosen(self, index: Ints | Sequence[int]) -> Scenarios:
         """Some of the scenarios, their weights scaled to add up to 1."""
         weight = self.probability[index]
         centre = None if self.centre is None else self.centre[:, index]

@@ -28,7 +28,7 @@ from resilience.errors import UsageError
 from resilience.fragility.lines.damage import RUNNING_MAX, Timing
 from resilience.fragility.lines.spans import SpannedLines, WindAtSpans, calm, scores, span_speed
 from resilience.fragility.outages.failure_clock import FailureClock
-from resilience.fragility.outages.repair import Repair, repaired
+from resilience.fragility.outages.repair import Repair, repair_outcome
 from resilience.fragility.outages.scenarios import Scenarios
 
 
@@ -212,7 +212,7 @@ class _Storms:
             return repair.work_slots(u, self.timing.step_h)
 
         works = np.array([calm(self.lines, wind, repair.wind_limit_mps) for wind in self.winds])
-        return repaired(
+        return repair_outcome(
             first,
             length,
             lambda t: works[self.member, :, t].T if len(works) > 1 else works[0][:, t, None],

@@ -101,6 +101,7 @@ def _times(file: str, time: Times, rows: Ints) -> Iterator[Mistake]:
 
 
 def _ranges(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
+    """Values beyond `LIMITS`."""
     for key, limit in LIMITS.items():
         value = fields[key]
         for k in np.flatnonzero(_outside(key, value)):
@@ -114,6 +115,7 @@ def _outside(key: str, value: Floats) -> Bools:
 
 
 def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
+    """Gaps that nothing fills: a place, or all winds and pressures."""
     for key in ("lat", "lon"):
         for k in np.flatnonzero(np.isnan(fields[key])):
             yield Mistake(
@@ -131,6 +133,7 @@ def _gaps(file: str, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]
 
 
 def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Iterator[Mistake]:
+    """Legs that no storm can travel."""
     if not len(time):
         return
     start = np.datetime64("2000-01-01", "s")

@@ -9,7 +9,7 @@ Wind 0 is a gap; 9 stands for less than 10 m/s and is taken as it is.
 from __future__ import annotations
 
 from resilience.fragility.tracks.columns import About, build
-from resilience.fragility.tracks.plain import chosen
+from resilience.fragility.tracks.plain import named_storm
 from resilience.fragility.tracks.track import Track
 
 Row = tuple[list[str], int]
@@ -25,10 +25,10 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     storms = _storms(text)
     keys = (7, 4, 1)
     key = next((k for k in keys if storm and storm.casefold() in _names(storms, k)), 7)
-    name = chosen([head[key] for head, _ in storms], storm, about.file)
+    name = named_storm([head[key] for head, _ in storms], storm, about.file)
     same = [entry for entry in storms if entry[0][key] == name]
     if len(same) > 1:
-        name = chosen([head[4] for head, _ in same], None, about.file)
+        name = named_storm([head[4] for head, _ in same], None, about.file)
     head, rows = same[0]
     about.name = head[7]
     about.source = f"{about.file}: {head[4]}, CMA best track"
@@ -70,6 +70,7 @@ def _header(parts: list[str]) -> list[str]:
 
 
 def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
+    """Text by column; rows that are none are noted as mistakes."""
     columns: dict[str, list[str]] = {
         key: [] for key in ("time", "lat", "lon", "pressure_hpa", "vmax_mps")
     }

@@ -19,7 +19,7 @@ from resilience.arrays import Floats, Ints, Times
 from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAUTICAL_MILE_KM
 from resilience.errors import CaseError, Mistake
 from resilience.fragility.tracks.checks import mistakes
-from resilience.fragility.tracks.fill import FillSettings, filled
+from resilience.fragility.tracks.fill import FillSettings, with_gaps_filled
 from resilience.fragility.tracks.track import Track
 
 QUANTITIES: dict[str, tuple[str, float]] = {
@@ -154,11 +154,12 @@ def _row(mistake: Mistake) -> int:
 
 
 def _finished(time: Times, fields: dict[str, Floats], about: About) -> Track:
+    """The track of fields without mistakes, longitudes from -180 to 180, gaps filled."""
     fields["lon"] = np.where(fields["lon"] > 180.0, fields["lon"] - 360.0, fields["lon"])
     seconds = (time - time[0]).astype("timedelta64[s]").astype(float)
     assert about.averaging_s is not None  # a mistake otherwise
     settings = FillSettings(about.averaging_s, about.agency, about.basin, about.penv_hpa, about.rmw)
-    complete, notes = filled(fields | {"seconds": seconds}, settings)
+    complete, notes = with_gaps_filled(fields | {"seconds": seconds}, settings)
     del complete["seconds"]
     return Track(
         about.name,
@@ -218,6 +219,7 @@ def _is_meant(key: str) -> bool:
 
 
 def _times(values: Sequence[Any], rows: Ints, about: About) -> Times:
+    """(n,) times of a column, NaT where they cannot be read, which is noted as a mistake."""
     times = np.full(len(values), "NaT", "datetime64[s]")
     for k, value in enumerate(values):
         try:
@@ -242,6 +244,7 @@ def _moment(value: Any) -> np.datetime64:
 
 
 def _numbers(key: str, values: Sequence[Any], rows: Ints, about: About) -> Floats:
+    """(n,) numbers of a column, NaN in gaps; what is no number is noted as a mistake."""
     numbers = np.full(len(values), np.nan)
     for k, value in enumerate(values):
         text = "" if value is None else str(value).strip()

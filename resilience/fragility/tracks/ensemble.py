@@ -23,7 +23,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.earth.averaging import KNOT_MPS, relation, to_one_minute
-from resilience.earth.sphere import legs, moved
+from resilience.earth.sphere import destination, legs
 from resilience.errors import UsageError
 from resilience.fragility.tracks.fill import HPA_PER_KNOT, MIN_HPA, rmw_ibtracs
 from resilience.fragility.tracks.track import Track
@@ -89,8 +89,9 @@ def _member(
     stronger_mps: Floats,
     heading: tuple[Floats, Floats],
 ) -> Track:
+    """The track displaced along and across its heading, m, and stronger by so many m/s, (n,)."""
     east, north = heading
-    lat, lon = moved(
+    lat, lon = destination(
         track.lat, track.lon, ahead_m * east + right_m * north, ahead_m * north - right_m * east
     )
     agency = relation(track.averaging_s, track.agency)

@@ -79,7 +79,7 @@ class FillSettings:
     rmw: str
 
 
-def filled(
+def with_gaps_filled(
     fields: dict[str, Floats], settings: FillSettings
 ) -> tuple[dict[str, Floats], dict[str, str]]:
     """The fields of a track without gaps, and what was filled in.

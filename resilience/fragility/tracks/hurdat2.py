@@ -11,7 +11,7 @@ import re
 
 from resilience.errors import CaseError
 from resilience.fragility.tracks.columns import About, build
-from resilience.fragility.tracks.plain import chosen
+from resilience.fragility.tracks.plain import named_storm
 from resilience.fragility.tracks.track import Track
 
 BASINS = {"AL": "NA", "EP": "EP", "CP": "EP", "WP": "WP"}
@@ -30,10 +30,10 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     titles = [title for _, title, _, _ in storms]
     by_name = storm is not None and storm.casefold() in [title.casefold() for title in titles]
     names = titles if by_name else [identifier for identifier, _, _, _ in storms]
-    name = chosen(names, storm, about.file)
+    name = named_storm(names, storm, about.file)
     same = [entry for entry, key in zip(storms, names, strict=True) if key == name]
     if len(same) > 1:
-        name = chosen([head[0] for head in same], None, about.file)
+        name = named_storm([head[0] for head in same], None, about.file)
     identifier, title, count, rows = same[0]
     about.name = title
     about.basin = about.basin or BASINS.get(identifier[:2], "")
@@ -60,6 +60,7 @@ def _storms(text: str) -> list[tuple[str, str, str, list[Row]]]:
 
 
 def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
+    """Text by column; rows that are too short are noted as mistakes."""
     columns: dict[str, list[str]] = {
         key: [] for key in ("time", "lat", "lon", "vmax_kt", "pressure_hpa", "rmw_nmi")
     }

@@ -16,7 +16,7 @@ from resilience.earth.averaging import AGENCIES
 from resilience.errors import UsageError
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.fill import PENV_HPA
-from resilience.fragility.tracks.plain import chosen, data_rows
+from resilience.fragility.tracks.plain import data_rows, named_storm
 from resilience.fragility.tracks.track import Track
 
 RESPONSIBLE = {
@@ -93,7 +93,7 @@ def _storm(body: list[tuple[Row, int]], storm: str | None, about: About) -> list
         titles[sid] = (sid, name, f"{name} {row.get('SEASON', '').strip()}")
     names = [sid for sid, title in titles.items() if storm is None or _in(storm, title)]
     if storm is not None and not names:
-        chosen([title[2] for title in titles.values()], storm, about.file)
+        named_storm([title[2] for title in titles.values()], storm, about.file)
     if len(names) > 1:
         raise UsageError(
             f"{about.file} has {len(names)} storms{f' {storm!r}' if storm else ''}, among them "
@@ -150,6 +150,8 @@ def _check_units(units: Row, who: str, about: About) -> None:
 
 
 def _columns(body: list[tuple[Row, int]], who: str) -> dict[str, list[str]]:
+    """Text by column of an agency; a place that it does not say is IBTrACS' own."""
+
     def place(row: Row, key: str) -> str:
         return row[f"{who}_{key}"] if _says(row, f"{who}_{key}") else row.get(key, "")
 
@@ -162,16 +164,14 @@ def _columns(body: list[tuple[Row, int]], who: str) -> dict[str, list[str]]:
     for target, key in headings.items():
         columns[target] = [row.get(f"{who}_{key}", "") for row, _ in body]
     # A closed isobar below the centre's own pressure is an agency's slip, not an environment.
-    for k in np.flatnonzero([_below(*pair) for pair in zip(*_pair(columns), strict=True)]):
+    pairs = zip(columns["penv_hpa"], columns["pressure_hpa"], strict=True)
+    for k in np.flatnonzero([_below(penv, pressure) for penv, pressure in pairs]):
         columns["penv_hpa"][k] = ""
     return columns
 
 
-def _pair(columns: dict[str, list[str]]) -> tuple[list[str], list[str]]:
-    return columns["penv_hpa"], columns["pressure_hpa"]
-
-
 def _below(penv: str, pressure: str) -> bool:
+    """Whether the environment's pressure is stated and not above the centre's."""
     try:
         return float(penv) <= float(pressure)
     except ValueError:

@@ -39,7 +39,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         if storm is not None:
             about.name = storm
     else:
-        about.name = chosen([row[column] for row, _ in body], storm, about.file)
+        about.name = named_storm([row[column] for row, _ in body], storm, about.file)
         body = [(row, k) for row, k in body if _same(row[column], about.name)]
     if len(set(lower)) < len(lower):
         about.wrong("heading", "columns", "a name twice", "each name once", "rename one of them")
@@ -59,7 +59,7 @@ def data_rows(text: str) -> tuple[list[list[str]], list[int]]:
     return [row for line, _ in lines for row in csv.reader([line])], [k for _, k in lines]
 
 
-def chosen(names: list[str], storm: str | None, file: str) -> str:
+def named_storm(names: list[str], storm: str | None, file: str) -> str:
     """The storm that is meant, of the names in a file.
 
     Raises:

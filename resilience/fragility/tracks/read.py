@@ -158,6 +158,7 @@ def _text(path: Path) -> str:
 
 
 def _check(path: Path, format: str | None, options: Collection[str]) -> None:
+    """Refuses options and formats that do not exist, and a path that is no file."""
     allowed = TrackOptions.__annotations__
     unknown = set(options) - set(allowed)
     if unknown:

@@ -32,7 +32,13 @@ GUST_S = 3.0
 
 
 class Kind(NamedTuple):
-    """What a wind speed is: a mean over `averaging_s` at `height_m` over `exposure`."""
+    """What a wind speed is.
+
+    Attributes:
+        averaging_s: it is a mean over so long, s.
+        height_m: above the ground.
+        exposure: `water` or `land`, what lies upwind.
+    """
 
     averaging_s: float
     height_m: float
@@ -43,7 +49,12 @@ class Kind(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """Of a one-minute mean at 10 m, and where it comes from."""
+    """A factor of the one-minute mean at 10 m.
+
+    Attributes:
+        value: of the factor.
+        source: where it comes from; empty where it is 1.
+    """
 
     value: float
     source: str

@@ -28,10 +28,14 @@ FAR_M, FAR_MPS = 300_000.0, 17.0
 
 @dataclass(frozen=True)
 class Model:
-    """A wind field, the asymmetry it is meant for, where it comes from, what it takes of a track.
+    """A wind field.
 
-    `field(r_m, eye, share)` takes distances (points, times), the storm and the asymmetry's share,
-    and gives the tangential wind (points, times).
+    Attributes:
+        field: `field(r_m, eye, share)` gives the tangential wind (points, times), m/s, at distances
+            (points, times), of the storm, with the asymmetry's share of its translation.
+        asymmetry: the one it is meant for, a name of `ASYMMETRIES`.
+        source: where it comes from.
+        uses: what it takes of a track, in words.
     """
 
     field: Callable[[Floats, Eye, Share], Floats]

@@ -20,7 +20,7 @@ from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW, PRICE_DECIMALS
 
 
-def ranked(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bools]:
+def merit_order(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bools]:
     """The tiers by what one more MW of supply costs, cheapest first.
 
     Args:

@@ -74,7 +74,7 @@ class NetworkSimulator(Plant):
                 "the network simulator steps NumPy arrays", hint="gradients need Simulator"
             )
         prices, storage_prices = self.prices(data)
-        charge, discharge = self.masked(ops, energy, action, data)
+        charge, discharge = self.masked_action(ops, energy, action, data)
         batch = _Batch.build(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
         z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T

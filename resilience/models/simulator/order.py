@@ -88,7 +88,7 @@ class Priced:
     prices: Constant
 
 
-def compiled(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
+def compiled_order(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
     """Compiles tiers.
 
     Args:
@@ -120,7 +120,7 @@ def compiled(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
     )
 
 
-def priced(plant: Plant, order: Order, prices: Floats, value: Floats) -> Priced:
+def priced_order(plant: Plant, order: Order, prices: Floats, value: Floats) -> Priced:
     """What an order costs at prices (columns,) in $ per MW, `value` (tiers,) of supply."""
     form = plant.form
     moving = prices @ order.lowest.coefficients + form.offset_data

@@ -75,6 +75,7 @@ class Plant:
         return Map(form.upper[variables], form.upper_data[variables])
 
     def _read_storage(self) -> None:
+        """Reads units, their bands, and what a MW does to them, from the row of their dynamics."""
         blocks = [b for _, b in self.form.stage.states if b.name == STATE]
         self.units: Labels = blocks[0].labels if blocks else ()
         n = len(self.units)
@@ -103,6 +104,7 @@ class Plant:
         self._low, self._high = Constant(self.low), Constant(self.high)
 
     def _read_sources(self) -> None:
+        """Reads what feeds or loads a bus, with its sign, bounds and price."""
         form = self.form
         blocks = [b for b in form.own if b.name not in STORAGE and not b.name.startswith("line.")]
         none = np.empty(0, np.intp)
@@ -172,7 +174,7 @@ class Plant:
         room, stock = self._room(ops, energy), self._stock(ops, energy)
         return -ops.clipped(stock, discharge), ops.clipped(room, charge)
 
-    def masked(
+    def masked_action(
         self, ops: ArrayOps, energy: Array, action: Array, data: Array
     ) -> tuple[Array, Array]:
         """(units, batch) charging and discharging power, MW: the action within `limits`."""

@@ -25,9 +25,9 @@ from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
-from resilience.models.simulator.merit import fill, ranked
+from resilience.models.simulator.merit import fill, merit_order
 from resilience.models.simulator.modes import modes
-from resilience.models.simulator.order import Order, Priced, compiled, priced
+from resilience.models.simulator.order import Order, Priced, compiled_order, priced_order
 from resilience.models.simulator.paper import check_paper, paper_fill, paper_tiers
 from resilience.models.simulator.plant import Plant
 from resilience.models.simulator.refusals import refuse
@@ -67,7 +67,12 @@ class Step:
 
 
 class _Closed(NamedTuple):
-    """What closing every island by one order leads to; see `Step`."""
+    """What closing every island by one order leads to.
+
+    Attributes:
+        cost, charge, discharge, spill: as in `Step`, storage not yet priced.
+        flows: what works out the power of every source.
+    """
 
     cost: Array
     charge: Array
@@ -138,7 +143,7 @@ class Simulator(Plant):
         """
         ops = array_ops(energy)
         prices, storage_prices = self.prices(data)
-        request = self.masked(ops, energy, action, data)
+        request = self.masked_action(ops, energy, action, data)
         orders = self._in_order(prices)
         closed, *alternatives = [self._closed(order, request, data, island) for order in orders]
         if alternatives:
@@ -207,10 +212,10 @@ class Simulator(Plant):
                 tier, block = paper_tiers(self)
                 value, ways = np.zeros(len(block)), [np.zeros(len(tier), bool)]
             else:
-                tier, value, block = ranked(self, prices, self._blocks)
+                tier, value, block = merit_order(self, prices, self._blocks)
                 ways = modes(self, prices)
             orders = [self._order(tier, block, closed) for closed in ways]
-            in_order = [priced(self, order, prices, value) for order in orders]
+            in_order = [priced_order(self, order, prices, value) for order in orders]
             self._priced_orders[key] = in_order
         return in_order
 
@@ -220,7 +225,7 @@ class Simulator(Plant):
         if order is None:
             if len(self._orders) >= MAX_ORDERS:
                 self._orders.clear()
-            order = self._orders[key] = compiled(self, tier, block, closed)
+            order = self._orders[key] = compiled_order(self, tier, block, closed)
         return order
 
 

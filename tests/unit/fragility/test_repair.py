@@ -7,7 +7,13 @@ import pytest
 from scipy.stats import kstest, lognorm, norm
 
 from resilience.errors import UsageError
-from resilience.fragility.outages.repair import Begun, Repair, Repaired, crew_since, repaired
+from resilience.fragility.outages.repair import (
+    OngoingOutages,
+    Repair,
+    RepairOutcome,
+    crew_since,
+    repair_outcome,
+)
 
 SLOTS = 400
 RNG = np.random.default_rng(5)
@@ -20,8 +26,10 @@ CALM[3:, 70:75] = False
 FAILS = FIRST < SLOTS
 
 
-def run(crews: int | None, calm: np.ndarray = CALM, order: np.ndarray | None = None) -> Repaired:
-    return repaired(
+def run(
+    crews: int | None, calm: np.ndarray = CALM, order: np.ndarray | None = None
+) -> RepairOutcome:
+    return repair_outcome(
         FIRST,
         lambda line, scenario, times: LENGTH[line, scenario],
         lambda t: calm[:, t, None],
@@ -92,26 +100,26 @@ def test_who_saw_the_outages_knows_the_queue(crews: int, ranked: bool, until: in
         worked = CALM[:, :until] & (np.arange(until) >= came[:, None])
         left = np.where(came >= 0, length - worked.sum(axis=1), length)
         is_down = past[:, -1]
-        begun = Begun(
+        begun = OngoingOutages(
             np.where(is_down, left, 0)[:, None],
             np.where(is_down, first - until, 0),
             is_down & (came < 0),
         )
-        rest = repaired(
+        rest = repair_outcome(
             np.where(first >= until, first - until, SLOTS)[:, None],
             lambda line, scenario, times, length=length: length[line],
             lambda t: CALM[:, until + t, None],
             SLOTS - until,
             crews=crews,
             order=order,
-            begun=begun,
+            ongoing=begun,
         )
         assert (rest.down[:, :, 0] == whole.down[:, until:, k]).all()
 
 
 def test_one_crew_goes_to_the_hospital_first() -> None:
     first = np.array([[0], [0], [1]])
-    found = repaired(
+    found = repair_outcome(
         first,
         lambda line, scenario, times: np.full(len(line), 4),
         lambda t: np.ones((3, 1), bool),
@@ -124,7 +132,7 @@ def test_one_crew_goes_to_the_hospital_first() -> None:
 
 
 def test_what_is_not_done_at_the_end_is_left() -> None:
-    found = repaired(
+    found = repair_outcome(
         np.array([[6]]),
         lambda line, scenario, times: np.full(len(line), 10),
         lambda t: np.full((1, 1), t != 7),
@@ -141,7 +149,7 @@ def test_a_line_that_is_back_may_fail_again() -> None:
         asked.append((start, int(times[0])))
         return np.full(len(line), start + 1)
 
-    found = repaired(
+    found = repair_outcome(
         np.array([[2]]),
         lambda line, scenario, times: 2 + times,
         lambda t: np.ones((1, 1), bool),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pyproj import Geod
 
-from resilience.earth.sphere import legs, moved, seen_from
+from resilience.earth.sphere import destination, legs, seen_from
 from tests.cyclones import SPHERE
 
 RNG = np.random.default_rng(7)
@@ -37,7 +37,7 @@ def test_the_ellipsoid_is_within_six_per_mille() -> None:
 
 def test_a_metre_is_a_metre() -> None:
     """No digits are lost near the eye, nor at the eye."""
-    lat, lon = moved(20.0, 179.9999999, 1.0, 0.0)
+    lat, lon = destination(20.0, 179.9999999, 1.0, 0.0)
     distance, east, north = seen_from(
         ([20.0], [179.9999999]), (np.atleast_1d(lat), np.atleast_1d(lon))
     )
@@ -53,7 +53,7 @@ def test_legs_and_moves() -> None:
     length, east, north = legs(LAT, LON)
     np.testing.assert_allclose(length, exact, rtol=1e-9)
     np.testing.assert_allclose(np.hypot(east, north), 1.0)
-    lat, lon = moved(LAT[:-1], LON[:-1], 5e5 * east, 5e5 * north)
+    lat, lon = destination(LAT[:-1], LON[:-1], 5e5 * east, 5e5 * north)
     end_lon, end_lat, _ = SPHERE.fwd(LON[:-1], LAT[:-1], azimuth, np.full(299, 5e5))
     np.testing.assert_allclose(lat, end_lat, atol=1e-8)
     np.testing.assert_allclose(np.cos(np.radians(lon - end_lon)), 1.0, atol=1e-9)
