@@ -28,7 +28,8 @@ from resilience.models.backends.base import INFEASIBLE, LeafCuts, Solution
 from resilience.models.methods import METHODS
 from resilience.models.methods.linear import lp
 from resilience.models.program.standard import Standard, Vectors
-from resilience.simulation.world import Observation, World
+from resilience.simulation.observation import Observation
+from resilience.simulation.world import World
 from resilience.testing import check_backend, check_dispatcher
 from tests.docs.pages import ROOT
 
