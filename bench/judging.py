@@ -25,7 +25,7 @@ SMALL_SHARE = 0.5  # of an episode of the fastest solver-based method
 def judging() -> Iterator[Row]:
     case = held_out(load_case("ieee33-tou"), DAYS)
     microgrid, bell = Microgrid.of(case, "copperplate"), case_bell(case)
-    worlds = {n: World.of(microgrid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
+    worlds = {n: World.build(microgrid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
     single, all_draws = (timed(clairvoyant, worlds[n])[0] for n in (1, DRAWS))
     further = (all_draws - single) / (DRAWS - 1)
     note = f"{case.slots:,} slots, once {single:.2f} s for the first"

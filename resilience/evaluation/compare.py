@@ -96,7 +96,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     makers, error = _makers(methods), parse_error(forecast_error)
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
-    world = World.of(
+    world = World.build(
         microgrid_with_fallible_lines(case, storms, physics),
         storms,
         end_value_per_mwh=end_value_per_mwh,

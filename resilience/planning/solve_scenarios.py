@@ -177,7 +177,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     with phase("model"):
         distinct = DistinctScenarios.among(scenarios, case)
         microgrid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
-        world = World.of(microgrid, scenarios)
+        world = World.build(microgrid, scenarios)
         program = scenario_program(microgrid, distinct)
     with phase("dispatch", method):
         trajectory = simulate(world, DISPATCHERS[method](world))

@@ -26,7 +26,7 @@ class World:
 
     Everybody who is compared acts in the same world. A dispatcher reads the case, the lines that
     can fail and what energy is worth here; the outages themselves are for the simulator alone.
-    `compare` makes the usual world; `World.of` makes one from a microgrid and scenarios.
+    `compare` makes the usual world; `World.build` makes one from a microgrid and scenarios.
 
     Attributes:
         microgrid: the case at its physics; `world.microgrid.case` is the case.
@@ -50,7 +50,7 @@ class World:
     numbers: Ints | None = None
 
     @classmethod
-    def of(
+    def build(
         cls,
         microgrid: Microgrid,
         scenarios: Scenarios,

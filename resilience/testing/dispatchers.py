@@ -63,7 +63,7 @@ def small_world() -> World:
     scenarios = Scenarios(("1-2", "2-3"), down, np.array([0.5, 0.3, 0.2]), peak)
     outlook = sample_outlook(case, ForecastError(), scenarios.n, seed=7)
     grid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
-    return World.of(grid, scenarios, outlook=outlook)
+    return World.build(grid, scenarios, outlook=outlook)
 
 
 def check_dispatcher(

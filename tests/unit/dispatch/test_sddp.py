@@ -59,7 +59,7 @@ def village(breakpoint_: bool = True) -> Case:
 def calm(case: Case) -> World:
     lines = ("1-2",)
     none = Scenarios(lines, np.zeros((1, case.slots, 1), bool), np.ones(1))
-    return World.of(Microgrid.of(case, "copperplate"), none)
+    return World.build(Microgrid.of(case, "copperplate"), none)
 
 
 @pytest.mark.parametrize("paths", [0, 6])
@@ -80,7 +80,7 @@ def test_where_the_storm_is_markov_the_bound_is_met() -> None:
     bound of the training."""
     case = village()
     bell = Bell(duration_slots=(1, 1), refail=True, centres=(60,), probability=0.95)
-    world = World.of(Microgrid.of(case, "copperplate"), sample_bell(case, bell, 400, 3))
+    world = World.build(Microgrid.of(case, "copperplate"), sample_bell(case, bell, 400, 3))
     settings = Settings(iterations=80, patience=80, paths=2)
     book = Book(case, bell, outcomes=1, settings=settings, cache=False)
     dispatcher = Sddp(world, book, paths=0)
@@ -116,7 +116,9 @@ def test_units_that_start_apart_stay_apart() -> None:
 @pytest.fixture(scope="module")
 def storms() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
-    return World.of(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5))
+    return World.build(
+        Microgrid.of(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +138,8 @@ def test_it_neither_beats_the_bound_nor_sees_the_future(
     named = storms.scenarios
     other = Scenarios(named.lines, quiet, named.probability, named.centre)
     runs = [
-        simulate(w, Sddp(w, few, paths=paths)) for w in (storms, World.of(storms.microgrid, other))
+        simulate(w, Sddp(w, few, paths=paths))
+        for w in (storms, World.build(storms.microgrid, other))
     ]
     np.testing.assert_allclose(runs[0].storage[:, :at], runs[1].storage[:, :at], atol=1e-7)
     value = storms.end_value_per_mwh

@@ -26,7 +26,7 @@ CASE = "ieee33_rammasun"
 @pytest.fixture(scope="module")
 def world() -> World:
     case = held_out(rs.load_case(CASE))
-    return World.of(Microgrid.of(case, "copperplate"), sample_case(case, 2, 5))
+    return World.build(Microgrid.of(case, "copperplate"), sample_case(case, 2, 5))
 
 
 def test_nobody_beats_the_bound_in_a_storm() -> None:
@@ -60,7 +60,7 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
     microgrid = Microgrid.of(case, "copperplate")
     one, two = (
         simulate(w, DISPATCHERS[name](w))
-        for w in (World.of(microgrid, storm), World.of(microgrid, other))
+        for w in (World.build(microgrid, storm), World.build(microgrid, other))
     )
     np.testing.assert_allclose(one.storage[:, :at], two.storage[:, :at], atol=1e-7)
 
