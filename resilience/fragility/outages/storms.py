@@ -116,6 +116,7 @@ def effective_size(scenarios: Scenarios) -> float:
 
 
 def _chances(members: int, stated: ArrayLike | None) -> Floats:
+    """(members,) probability of each wind, all alike where none is stated."""
     weights = np.full(members, 1.0) if stated is None else np.asarray(stated, float)
     if weights.shape != (members,) or members == 0 or not (weights >= 0).all() or not weights.sum():
         raise UsageError(
@@ -142,16 +143,23 @@ class _Draws:
         self.factor, self.probability = _factor(n, shift, factor)
         self._rounds: list[tuple[Floats, Floats]] = []
 
-    def numbers(self, kind: int, line: Ints, scenario: Ints, times: Ints) -> Floats:
-        """(events,) exponential (0) or uniform (1) numbers of the so-many-th failure of lines."""
+    def exponential(self, line: Ints, scenario: Ints, times: Ints) -> Floats:
+        """(events,) exponential numbers of the so-many-th failure of lines."""
+        return self._of_failure(0, line, scenario, times)
+
+    def uniform(self, line: Ints, scenario: Ints, times: Ints) -> Floats:
+        """(events,) uniform numbers of the so-many-th failure of lines."""
+        return self._of_failure(1, line, scenario, times)
+
+    def _of_failure(self, kind: int, line: Ints, scenario: Ints, times: Ints) -> Floats:
         while len(self._rounds) <= int(times.max(initial=0)):
             exponential, uniform = self._next.spawn(2)
             draws = exponential.standard_exponential(self.shape), uniform.random(self.shape)
             self._rounds.append(draws)
         drawn: Floats = np.empty(len(line))
         for number in np.flatnonzero(np.bincount(times)).tolist():
-            now = times == number
-            drawn[now] = self._rounds[number][kind][scenario[now], line[now]]
+            events = times == number
+            drawn[events] = self._rounds[number][kind][scenario[events], line[events]]
         return drawn
 
 
@@ -168,7 +176,14 @@ def _factor(n: int, shift: float, rng: np.random.Generator) -> tuple[Floats, Flo
 
 
 class _Storms:
-    """Winds, and the scenarios that each of them befalls."""
+    """Winds, and the scenarios that each of them befalls.
+
+    Attributes:
+        member: (scenarios,) which of the winds each one has.
+        place: (scenarios,) its place among the scenarios of that wind.
+        clocks: failures of the scenarios of each wind; None where it has none.
+        slots: how many the winds have.
+    """
 
     def __init__(
         self,
@@ -180,23 +195,25 @@ class _Storms:
         timing: Timing,
     ) -> None:
         self.lines, self.winds, self.member, self.draws = lines, winds, member, draws
-        self.timing, self.place, self.clocks = timing, np.empty(len(z), np.intp), []
+        self.timing, self.place = timing, np.empty(len(z), np.intp)
+        self.clocks: list[FailureClock | None] = []
         for k, wind in enumerate(winds):
-            mine = np.flatnonzero(member == k)
-            self.place[mine] = np.arange(len(mine))
+            scenarios = np.flatnonzero(member == k)
+            self.place[scenarios] = np.arange(len(scenarios))
             score = scores(lines, span_speed(lines, wind))
-            self.clocks.append(FailureClock(lines, score, z[mine], timing) if len(mine) else None)
+            clock = FailureClock(lines, score, z[scenarios], timing) if len(scenarios) else None
+            self.clocks.append(clock)
         self.slots = score.shape[1]
 
     def fails(self, line: Ints, scenario: Ints, times: Ints, start: int) -> Ints:
         """(events,) slot in which lines that are new at a slot fail."""
-        e = self.draws.numbers(0, line, scenario, times)
+        e = self.draws.exponential(line, scenario, times)
         slots = np.empty(len(line), np.intp)
         for k, clock in enumerate(self.clocks):
-            mine = np.flatnonzero(self.member[scenario] == k)
-            if clock is not None and len(mine):
-                place = self.place[scenario[mine]]
-                slots[mine] = clock.first(line[mine], place, e[mine], start)
+            events = np.flatnonzero(self.member[scenario] == k)
+            if clock is not None and len(events):
+                place = self.place[scenario[events]]
+                slots[events] = clock.first(line[events], place, e[events], start)
         return slots
 
     def outages(self, repair: Repair | None, refail: bool) -> Bools:
@@ -208,14 +225,22 @@ class _Storms:
             return first[:, None, :] <= np.arange(self.slots)[:, None]
 
         def length(line: Ints, scenario: Ints, times: Ints) -> Ints:
-            u = self.draws.numbers(1, line, scenario, times)
+            u = self.draws.uniform(line, scenario, times)
             return repair.work_slots(u, self.timing.step_h)
 
-        works = np.array([calm(self.lines, wind, repair.wind_limit_mps) for wind in self.winds])
+        calm_by_wind = np.array(
+            [calm(self.lines, wind, repair.wind_limit_mps) for wind in self.winds]
+        )
+
+        def can_work(t: int) -> Bools:
+            if len(self.winds) == 1:
+                return calm_by_wind[0][:, t, None]
+            return calm_by_wind[self.member, :, t].T
+
         return repair_outcome(
             first,
             length,
-            lambda t: works[self.member, :, t].T if len(works) > 1 else works[0][:, t, None],
+            can_work,
             self.slots,
             crews=repair.crews,
             order=repair.order(self.lines.names),

@@ -11,6 +11,8 @@ from resilience.errors import CaseError, UsageError
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.track import Track
 
+MAX_LISTED = 8  # names of storms in a message
+
 
 def parse(text: str, about: About, storm: str | None) -> Track:
     """One storm of a CSV file.
@@ -65,23 +67,25 @@ def named_storm(names: list[str], storm: str | None, file: str) -> str:
     Raises:
         UsageError: it is not there, or there are several and none is named.
     """
-    there = list(dict.fromkeys(name.strip() for name in names))
-    few = ", ".join(there[:8]) + (f" and {len(there) - 8} more" if len(there) > 8 else "")
-    if storm is None and len(there) == 1:
-        return there[0]
+    distinct = list(dict.fromkeys(name.strip() for name in names))
+    more = f" and {len(distinct) - MAX_LISTED} more" if len(distinct) > MAX_LISTED else ""
+    listing = ", ".join(distinct[:MAX_LISTED]) + more
+    if storm is None and len(distinct) == 1:
+        return distinct[0]
     if storm is None:
         raise UsageError(
-            f"{file} has {len(there)} storms: {few or 'none'}; allowed: one",
+            f"{file} has {len(distinct)} storms: {listing or 'none'}; allowed: one",
             hint="say which with `storm`",
         )
-    matches = [name for name in there if _same(name, storm)]
+    matches = [name for name in distinct if _same(name, storm)]
     if not matches:
         raise UsageError(
-            f"storm {storm!r} is not in {file}; allowed: {few or 'none'}",
+            f"storm {storm!r} is not in {file}; allowed: {listing or 'none'}",
             hint="an identifier or a name",
         )
     return matches[0]
 
 
 def _same(name: str, storm: str) -> bool:
+    """Whether two names differ in case and blanks only."""
     return name.strip().casefold() == storm.strip().casefold()
