@@ -74,12 +74,12 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
     slots = case.slots if days is None else days * per_day
     count = -(-(offset + slots) // per_day)
     down = np.zeros((len(lines), slots, n), bool)
-    centre = np.zeros((count, n), np.intp)
+    forecast_peaks = np.zeros((count, n), np.intp)
     for k, rng in enumerate(np.random.default_rng(seed).spawn(n)):
         drawn = [draw_day(bell, len(lines), per_day, rng) for _ in range(count)]
-        centre[:, k] = [day.forecast for day in drawn]
+        forecast_peaks[:, k] = [day.forecast for day in drawn]
         down[:, :, k] = outage_path(drawn, bell)[:, offset : offset + slots]
-    return Scenarios(lines, down, np.full(n, 1.0 / n), centre, seed, str(bell))
+    return Scenarios(lines, down, np.full(n, 1.0 / n), forecast_peaks, seed, str(bell))
 
 
 def check_calendar(case: Case) -> None:
@@ -99,15 +99,15 @@ def check_calendar(case: Case) -> None:
 def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Day:
     """Draws one day of `slots` slots."""
     step_min = DAY_MIN / slots
-    centre = int(rng.choice(bell.centre_slots()))
-    chance = bell.slot_probability(centre + shifts(bell, lines, rng), step_min, slots)
+    storm_peak = int(rng.choice(bell.centre_slots()))
+    chance = bell.slot_probability(storm_peak + shifts(bell, lines, rng), step_min, slots)
     draws: Floats = rng.random((lines, slots))
     if bell.common_draw:
         draws[:] = draws[0]
     lengths = bell.lengths(step_min)
     lengths = lengths[rng.integers(0, len(lengths), (lines, slots))]
     error = int(rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1))
-    forecast = min(max(centre + error, 0), REFERENCE_SLOTS - 1)
+    forecast = min(max(storm_peak + error, 0), REFERENCE_SLOTS - 1)
     return Day(forecast, draws < chance, lengths)
 
 

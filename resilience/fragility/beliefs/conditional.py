@@ -1,5 +1,5 @@
 """Outage paths from here on, given what an operator knows: what is down, since when, and today's
-centre. Failure times are stratified line by line, so that few paths already show rare hours.
+storm peak. Failure times are stratified line by line, so that few paths already show rare hours.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class LineHistory:
 
     Attributes:
         t: slot of the day, now.
-        centre: slot of 15 minutes at which today's hazard peaks, -1 where unknown.
+        storm_peak: slot of 15 minutes at which today's hazard peaks, -1 where unknown.
         since: (lines,) slot of the day in which a line that is down failed, -1 where it is up.
         spent: (lines,) True where a line has failed today already.
         day: number of the day, from 0.
@@ -30,7 +30,7 @@ class LineHistory:
     """
 
     t: int
-    centre: int
+    storm_peak: int
     since: Ints
     spent: Bools
     day: int = 0
@@ -45,14 +45,15 @@ class DayDraw:
     Attributes:
         fail, length, remaining: (lines, paths) of the time of failure, of the length of an outage,
             and of what remains of one that runs.
-        centre, shared: (paths,) of the centre, and of a shift common to all lines.
+        storm_peak, shared: (paths,) of the slot in which the bell peaks, and of a shift common to
+            all lines.
         shift: (lines, paths) of each line's own.
     """
 
     fail: Floats
     length: Floats
     remaining: Floats
-    centre: Floats
+    storm_peak: Floats
     shared: Floats
     shift: Floats
 
@@ -63,8 +64,8 @@ class DayDraw:
         def rows(n: int) -> Floats:
             return np.array([strata(paths, rng) for _ in range(n)]).reshape(n, paths)
 
-        centre, shared = rows(2)  # the order of the draws is part of every recorded result
-        return cls(rows(lines), rows(lines), rows(lines), centre, shared, rows(lines))
+        storm_peak, shared = rows(2)  # the order of the draws is part of every recorded result
+        return cls(rows(lines), rows(lines), rows(lines), storm_peak, shared, rows(lines))
 
 
 def strata(n: int, rng: np.random.Generator) -> Floats:
@@ -77,8 +78,8 @@ def futures(
 ) -> Bools:
     """(lines, slots, paths) where lines are down after slot t, on equally likely paths.
 
-    The present day's centre is known or drawn alike; that of days to come is drawn. Slots of one
-    line's failure are stratified; so are the lengths of outages that have begun.
+    The present day's storm peak is known or drawn alike; that of days to come is drawn. Slots of
+    one line's failure are stratified; so are the lengths of outages that have begun.
 
     Args:
         bell: the process.
@@ -90,22 +91,20 @@ def futures(
     lines, paths = days[0].fail.shape
     down = np.zeros((lines, slots, paths), bool)
     for k in np.flatnonzero(history.since >= 0).tolist():
-        remaining = _remaining(
-            bell, history.t - int(history.since[k]), per_day, days[0].remaining[k]
-        )
+        elapsed = history.t - int(history.since[k])
+        remaining = _remaining(bell, elapsed, per_day, days[0].remaining[k])
         _mark(down[k], np.zeros(paths, np.intp), np.minimum(remaining, per_day - history.t - 1))
     for day, draw in enumerate(days[: days_reached(history.t, slots, per_day)]):
-        start = day * per_day - history.t - 1
-        centre = _centres(bell, history.centre if day == 0 else -1, draw.centre)
+        start = day * per_day - history.t - 1  # of the day, in `down`, whose first slot is t + 1
+        storm_peak = _storm_peaks(bell, history.storm_peak if day == 0 else -1, draw.storm_peak)
         for k in range(lines):
             if day == 0 and _cannot_fail(bell, history)[k]:
                 continue
-            shift = (
-                0 if k == 0 else _shift(bell, draw.shared if bell.shared_shift else draw.shift[k])
-            )
-            chance = bell.slot_probability(centre + shift, DAY_MIN / per_day)
+            u_shift = draw.shared if bell.shared_shift else draw.shift[k]
+            shift = _shift(bell, u_shift) if k else 0
+            chance = bell.slot_probability(storm_peak + shift, DAY_MIN / per_day)
             if day == 0:
-                chance[:, : history.t + 1] = 0.0
+                chance[:, : history.t + 1] = 0.0  # the line has stood so far
             first, fails = _first(chance, draw.fail[k])
             length = _pick(bell.lengths(DAY_MIN / per_day), draw.length[k])
             length = np.where(fails, np.minimum(length, per_day - first), 0)
@@ -116,27 +115,27 @@ def futures(
 def chances(bell: Bell, history: LineHistory, slots: int, per_day: int) -> Floats:
     """(lines, slots) probability that a line's outage begins in each of the `slots` after slot t.
 
-    Averaged over the shift, and over the centre where it is not known.
+    Averaged over the shift, and over the storm peak where it is not known.
     """
     begins = np.zeros((len(history.since), slots))
     for day in range(days_reached(history.t, slots, per_day)):
         begin = day * per_day - history.t - 1
         columns = np.arange(max(begin, 0), min(begin + per_day, slots))
         may = ~_cannot_fail(bell, history) if day == 0 else np.ones(len(begins), bool)
-        centre = history.centre if day == 0 else -1
-        # The first line follows the centre, all others are shifted alike.
+        storm_peak = history.storm_peak if day == 0 else -1
+        # The first line follows the peak, all others are shifted alike.
         for k in np.flatnonzero(may).tolist():
             shift = bell.shift_slots if k else 0
             first = history.t + 1 if day == 0 else 0
-            begins[k, columns] += _starts(bell, centre, shift, per_day, first)[columns - begin]
+            begins[k, columns] += _starts(bell, storm_peak, shift, per_day, first)[columns - begin]
     return begins
 
 
 @lru_cache(maxsize=4096)
-def _starts(bell: Bell, centre: int, shift_slots: int, per_day: int, first: int) -> Floats:
+def _starts(bell: Bell, storm_peak: int, shift_slots: int, per_day: int, first: int) -> Floats:
     """(per_day,) probability that an outage begins in a slot, of a line up at `first`."""
-    centres = np.array([centre]) if centre >= 0 else bell.centre_slots()
-    peaks = np.add.outer(centres, np.arange(-shift_slots, shift_slots + 1)).ravel()
+    candidates = np.array([storm_peak]) if storm_peak >= 0 else bell.centre_slots()
+    peaks = np.add.outer(candidates, np.arange(-shift_slots, shift_slots + 1)).ravel()
     chance = bell.slot_probability(peaks, DAY_MIN / per_day)
     chance[:, :first] = 0.0
     before = np.ones_like(chance)
@@ -159,10 +158,10 @@ def _cannot_fail(bell: Bell, history: LineHistory) -> Bools:
     return (history.since >= 0) | (history.spent & (not bell.refail))
 
 
-def _centres(bell: Bell, centre: int, u: Floats) -> Ints:
+def _storm_peaks(bell: Bell, storm_peak: int, u: Floats) -> Ints:
     slots = bell.centre_slots()
     """(paths,) slots in which the hazard peaks: the one that is known, or all that are possible."""
-    return _pick(slots, u) if centre < 0 else np.full(len(u), centre)
+    return _pick(slots, u) if storm_peak < 0 else np.full(len(u), storm_peak)
 
 
 def _shift(bell: Bell, u: Floats) -> Ints:
