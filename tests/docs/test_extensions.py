@@ -28,6 +28,7 @@ from resilience.models.backends.base import INFEASIBLE, LeafCuts, Solution
 from resilience.models.methods import METHODS
 from resilience.models.methods.linear import lp
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Structure
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 from resilience.testing import check_backend, check_dispatcher
@@ -181,7 +182,8 @@ def test_a_new_method(monkeypatch: pytest.MonkeyPatch) -> None:
 class SciPy:
     """HiGHS as SciPy has it: linear programs, and none of the structures."""
 
-    exact = frozenset({"affine"})
+    exact: frozenset[type[Structure]] = frozenset()
+    integers = False
 
     def __init__(self, standard: Standard) -> None:
         self.standard, self.cuts = standard, LeafCuts(standard)
@@ -198,7 +200,7 @@ class SciPy:
             self.rows.append((dense, float(right)))
 
     def solve(self) -> Solution:
-        v, a = self.cuts.opened(self.vectors), self.standard.a
+        v, a = self.cuts.with_futures_open(self.vectors), self.standard.a
         equal = v.row_lower == v.row_upper
         above, below = ~equal & np.isfinite(v.row_upper), ~equal & np.isfinite(v.row_lower)
         extra = np.array([row for row, _ in self.rows]).reshape(-1, self.standard.n_columns)

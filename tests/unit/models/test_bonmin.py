@@ -5,13 +5,13 @@ from __future__ import annotations
 import subprocess
 from typing import Any
 
-import bonmin
 import numpy as np
 import pytest
 
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods import METHODS, MethodOptions
 from resilience.testing import small_case
+from tests.unit.models import bonmin
 
 
 @pytest.fixture
