@@ -48,7 +48,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "wind": fields,
     "hazard": hazards,
 }
-LONG = ("quality",)
+ONLY_BY_NAME = ("quality",)
 LIBRARIES = (
     "highspy",
     "pyomo",
@@ -67,7 +67,7 @@ def main(chosen: list[str]) -> int:
         print(f"error: no part {sorted(unknown)}; allowed: {', '.join(PARTS)}", file=sys.stderr)
         return 2
     progress, rows = Console(stderr=True), []
-    for name in chosen or [name for name in PARTS if name not in LONG]:
+    for name in chosen or [name for name in PARTS if name not in ONLY_BY_NAME]:
         with progress.status(f"measuring: {name}"):
             rows += list(PARTS[name]())
     Console(width=None if sys.stdout.isatty() else 160).print(table(rows))

@@ -19,7 +19,7 @@ from bench.simulator import Bench, one_bus, one_core, race
 from resilience.case import load_case
 
 PINS = ("python-microgrid==1.4.1", "numpy==1.26.*", "pandas<2.1", "cvxpy<1.6", "setuptools<81")
-NEWEST = (3, 12)  # for which NumPy 1.26 has wheels
+NEWEST_PYTHON = (3, 12)  # for which NumPy 1.26 has wheels
 INSTALL_S, STEP_S = 600, 300
 SCRIPT = Path(__file__).with_name("peer_step.py")
 
@@ -34,7 +34,7 @@ def environment() -> Path:
     Raises:
         MissingError: it cannot be made here.
     """
-    if sys.version_info[:2] > NEWEST:
+    if sys.version_info[:2] > NEWEST_PYTHON:
         raise MissingError("the peer needs NumPy 1.26, which has no wheels for this Python")
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     root = cache / "resilience-bench" / "python-microgrid-1.4.1"

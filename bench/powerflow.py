@@ -14,7 +14,7 @@ from resilience.models.network.powerflow import Flow, flow
 
 BATCH, SINGLE, ROUNDS = 4096, 10, 5
 HEADS = {"2-19": "19", "3-23": "23", "6-26": "26"}  # breakpoint: root of the island behind it
-BROKEN = 0.05  # share of the lines out where any line can fail
+OUT_SHARE = 0.05  # share of the lines out where any line can fail
 AGREEMENT_PU = 1e-6
 
 
@@ -38,7 +38,7 @@ def flows() -> Iterator[Row]:
     yield _row("AC flows/s, one topology", network, _members(network, rng, out), 500)
     out[breakpoints] = rng.random((len(breakpoints), BATCH)) < 0.5
     yield _row("AC flows/s, three breakpoints", network, _members(network, rng, out), 100)
-    out = rng.random((len(network.line_names), BATCH)) < BROKEN
+    out = rng.random((len(network.line_names), BATCH)) < OUT_SHARE
     yield _row("AC flows/s, any line out", network, _members(network, rng, out), 100)
 
 

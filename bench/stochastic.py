@@ -25,7 +25,7 @@ from resilience.simulation.world import microgrid_with_fallible_lines
 
 COMMON, RECOURSE = 16, 32
 GAP = 1e-4
-MORE_LINES = 3
+FAILED_LINES = 3
 
 
 def programs() -> Iterator[Row]:
@@ -39,7 +39,7 @@ def programs() -> Iterator[Row]:
         terminal_value_per_mwh=dear.terminal_value_per_mwh,
     )
     yield _row("stochastic, single bus, 1000 scenarios", case, "copperplate", 1000, 0, 6.0)
-    yield _row("stochastic, 33 buses, 200 scenarios", case, "lindistflow", 200, MORE_LINES, 30.0)
+    yield _row("stochastic, 33 buses, 200 scenarios", case, "lindistflow", 200, FAILED_LINES, 30.0)
 
 
 def outages(case: Case, n: int, more: int, seed: int = 0) -> Scenarios:

@@ -38,7 +38,7 @@ class HasHorizon(Protocol):
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenOutage:
     """One outage as text.
 
     Attributes:
@@ -81,7 +81,9 @@ def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
     return outages
 
 
-def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Written], list[Mistake]]:
+def split_specs(
+    texts: Iterable[str], file: str, table: str
+) -> tuple[list[WrittenOutage], list[Mistake]]:
     """Outages as written, split into their parts, and mistakes: those that have another form."""
     specs, mistakes = [], []
     for number, text in enumerate(texts, start=1):
@@ -90,11 +92,11 @@ def split_specs(texts: Iterable[str], file: str, table: str) -> tuple[list[Writt
             hint = "write the line's name, @, and two times as HH:MM"
             mistakes.append(Mistake(file, table, f"#{number}", repr(text), _FORM, hint))
         else:
-            specs.append(Written(f"{table} #{number}", text.strip(), **match.groupdict()))
+            specs.append(WrittenOutage(f"{table} #{number}", text.strip(), **match.groupdict()))
     return specs, mistakes
 
 
-def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
+def _read_csv(path: Path) -> tuple[list[WrittenOutage], list[Mistake]]:
     if not path.is_file():
         raise UsageError(f"outage file {path} does not exist", "columns: line, start, stop")
     with path.open(newline="", encoding="utf-8-sig") as stream:
@@ -105,7 +107,7 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
             allowed, hint = "line, start, stop", "the first row of the file names the columns"
             return [], [Mistake(str(path), "header", missing[0], value, allowed, hint)]
         return [
-            Written(
+            WrittenOutage(
                 f"row {reader.line_num}",
                 f"{r['line']}@{r['start']}-{r['stop']}",
                 *((r[c] or "").strip() for c in ("line", "start", "stop")),
@@ -115,7 +117,7 @@ def _read_csv(path: Path) -> tuple[list[Written], list[Mistake]]:
 
 
 def place_outages(
-    specs: Iterable[Written], file: str, network: Network | None, window: Window | None
+    specs: Iterable[WrittenOutage], file: str, network: Network | None, window: Window | None
 ) -> tuple[tuple[Outage, ...], list[Mistake]]:
     """Written outages as slots, and mistakes: what cannot be placed and why.
 
@@ -138,7 +140,7 @@ def place_outages(
     return tuple(outages), mistakes
 
 
-def _slots(spec: Written, window: Window) -> tuple[int, int]:
+def _slots(spec: WrittenOutage, window: Window) -> tuple[int, int]:
     start = _time(spec.start, window, None)
     stop = _time(spec.stop, window, start)
     if stop <= start:

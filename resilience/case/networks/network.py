@@ -115,11 +115,11 @@ class Network:
             return f"did you mean {swapped}?"
         return did_you_mean(name, self._line_index)
 
-    def equals(self, other: Network) -> bool:
+    def equals(self, network: Network) -> bool:
         """Whether both networks are the same, number for number."""
         return all(
-            np.array_equal(getattr(self, f.name), getattr(other, f.name))
+            np.array_equal(getattr(self, f.name), getattr(network, f.name))
             if isinstance(getattr(self, f.name), np.ndarray)
-            else getattr(self, f.name) == getattr(other, f.name)
+            else getattr(self, f.name) == getattr(network, f.name)
             for f in fields(self)
         )
