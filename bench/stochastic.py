@@ -34,7 +34,7 @@ def programs() -> Iterator[Row]:
         start=datetime(2016, 7, 12, 10),
         slots=COMMON + RECOURSE,
         outages=(),
-        microgrid=dear.microgrid,
+        grid=dear.grid,
         load=dear.load,
         terminal_value_per_mwh=dear.terminal_value_per_mwh,
     )
