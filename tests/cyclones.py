@@ -29,16 +29,13 @@ def cyclone(
     hours = step_h * np.arange(n)
     values = {"vmax_mps": 50.0, "pressure_hpa": 940.0, "rmw_km": 40.0, "penv_hpa": 1010.0} | columns
     lon = (at[1] + move[1] * hours + 180.0) % 360.0 - 180.0
-    return track_of(
-        {
-            "time": np.datetime64("2020-09-01T00:00:00") + (3600 * hours).astype("timedelta64[s]"),
-            "lat": at[0] + move[0] * hours,
-            "lon": lon,
-            **{k: np.broadcast_to(v, n) for k, v in values.items() if v is not None},
-        },
-        averaging_s=averaging_s,
-        name="made up",
-    )
+    columns = {
+        "time": np.datetime64("2020-09-01T00:00:00") + (3600 * hours).astype("timedelta64[s]"),
+        "lat": at[0] + move[0] * hours,
+        "lon": lon,
+        **{k: np.broadcast_to(v, n) for k, v in values.items() if v is not None},
+    }
+    return track_of(columns, averaging_s=averaging_s, name="made up")
 
 
 def around(

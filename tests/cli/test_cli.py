@@ -115,7 +115,16 @@ def test_a_comparison_is_saved_drawn_and_drawn_again(tiny: Path, tmp_path: Path)
     text += '[[ess]]\nname = "battery"\nbus = "1"\np_max_mw = 1.0\ne_mwh = 2.0\n'
     tiny.write_text(text.replace("slots = 4", "slots = 24"), encoding="utf-8")
     folder, picture = tmp_path / "run", tmp_path / "report.png"
-    compare = ["compare", tiny, "--days", "1", "--draws", "2", "--methods", "idle"]
+    compare: list[str | Path] = [
+        "compare",
+        tiny,
+        "--days",
+        "1",
+        "--draws",
+        "2",
+        "--methods",
+        "idle",
+    ]
     done = run(*compare, "--out", folder, "--plot", picture)
     assert done.returncode == 0, done.stderr
     assert "Best is " in done.stdout

@@ -75,6 +75,7 @@ def test_what_is_relaxed_gives_the_optimum_of_the_relaxation(name: str, backend:
     tiny = TINY[name]()
     _, found = solved(tiny, backend)
     assert found.objective == pytest.approx(tiny.relaxed, abs=1e-6)
+    assert tiny.relaxed is not None
     assert tiny.relaxed - 1e-6 <= found.bound <= tiny.relaxed + 1e-9
     assert found.bound <= tiny.optimum + 1e-9
 

@@ -117,7 +117,8 @@ def test_a_new_track_format(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     def parse(text: str, about: About, storm: str | None, agency: str | None) -> Track:
         rows = np.array([line.split() for line in text.splitlines()[1:]], float)
         times = np.datetime64("2023-10-04T02:00:00") + (3600 * rows[:, 0]).astype("timedelta64[s]")
-        columns = {"time": times, "lat": rows[:, 1], "lon": rows[:, 2], "vmax_mps": rows[:, 3]}
+        columns: dict[str, Any] = {"time": times, "vmax_mps": rows[:, 3]}
+        columns |= {"lat": rows[:, 1], "lon": rows[:, 2]}
         return track_of(columns, name="Toy", averaging_s=60.0)
 
     toy = TrackFormat(lambda line: line.startswith("TOY"), parse)

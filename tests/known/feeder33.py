@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cache
@@ -93,7 +94,7 @@ def all_trees() -> list[tuple[int, ...]]:
     return [chosen[k] for k in np.flatnonzero(are_trees(chosen))]
 
 
-def are_trees(chosen: list[tuple[int, ...]]) -> Any:
+def are_trees(chosen: Sequence[tuple[int, ...]]) -> Any:
     """(n,) whether 32 lines are left that reach all 33 buses from the first."""
     closed = _closed(chosen)
     reached = np.zeros((len(chosen), 33), bool)
@@ -115,7 +116,7 @@ def losses_kw(chosen: list[tuple[int, ...]], chunk: int = 4000) -> tuple[Floats,
     return loss, lowest
 
 
-def _closed(chosen: list[tuple[int, ...]]) -> Any:
+def _closed(chosen: Sequence[tuple[int, ...]]) -> Any:
     closed = np.ones((len(chosen), 37), bool)
     closed[np.arange(len(chosen))[:, None], np.array(chosen) - 1] = False
     return closed

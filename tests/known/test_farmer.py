@@ -110,7 +110,7 @@ def by_hand(risk: Risk, p: np.ndarray) -> float:
     cost[:3], cost[-1] = (1 - risk.weight) * PLANT, risk.weight
     rows.append(np.append(np.ones(3), np.zeros(n - 3)))
     right.append(LAND)
-    bounds = [(0.0, None)] * 3
+    bounds: list[tuple[float | None, float | None]] = [(0.0, None)] * 3
     for year, weather in enumerate(WEATHER):
         at = 3 + 7 * year
         money = np.concatenate([BUY, -SELL])

@@ -26,7 +26,9 @@ METHODS_OF = [
 
 def cut_off(**devices: Any) -> Case:
     """The grid at bus 1, everything else at bus 2, and the line between fails in hours 2 and 3."""
-    placed = {kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()}
+    placed: dict[str, Any] = {
+        kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()
+    }
     return small_case(
         slots=4,
         buses=2,
@@ -128,7 +130,7 @@ def test_a_grid_that_does_not_form_needs_one_that_does() -> None:
 
 def test_an_ac_island_needs_reactive_power_for_its_lines() -> None:
     """Every flow takes x l in Mvar. Storage at unity power factor cannot give it; a rating can."""
-    lone = {"slots": 1, "buses": 2, "lines": [(1, 2, 0.01, 0.01)]}
+    lone: dict[str, Any] = {"slots": 1, "buses": 2, "lines": [(1, 2, 0.01, 0.01)]}
     load = [{"bus": "2", **LOAD}]
     without = small_case(**lone, ess=[STORAGE], load=load)
     assert solved(without, "lp")["load.shed"].sum() == pytest.approx(0.0)

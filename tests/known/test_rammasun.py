@@ -28,7 +28,7 @@ def given_track() -> Track:
     """The interpolated track behind the reference winds, its wind taken as tabulated."""
     table = pd.read_csv(shared("data", "tracks", "rammasun_2014_climada_interp15min.csv"))
     table = table.rename(columns={"pc": "pressure_hpa", "vm": "vmax_mps", "penv": "penv_hpa"})
-    return track_of({key: table[key].tolist() for key in table}, averaging_s=60.0)
+    return track_of({str(key): table[key].tolist() for key in table}, averaging_s=60.0)
 
 
 def raw_track() -> Track:

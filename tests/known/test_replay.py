@@ -30,7 +30,8 @@ ACCURACY = 1e-6
 
 def kept(plan: Plan) -> dict[str, np.ndarray]:
     """Variables of a plan by kind, (labels, slots)."""
-    table, found = plan.tables["variables"], {}
+    table = plan.tables["variables"]
+    found: dict[str, Any] = {}
     for label, values in zip(table.labels, table.values, strict=True):
         found.setdefault(label.split("[")[0], []).append(values)
     return {kind: np.array(rows) for kind, rows in found.items()}
@@ -50,6 +51,7 @@ def misfit(plan: Plan, found: Replayed) -> float:
 def test_analytic_cases(name: str, method: str, physics: Any) -> None:
     assert len(ANALYTIC) == 6
     plan = rs.solve(rs.load_case(name), method, physics=physics)
+    assert isinstance(plan, rs.Plan)
     found = replay(plan)
     assert misfit(plan, found) < ACCURACY
     energy = plan.tables["energy"].values
@@ -69,6 +71,7 @@ def test_ieee33_with_and_without_commitment_by_every_method(
     name: str, method: str, physics: Any
 ) -> None:
     plan = rs.solve(name, method, physics=physics, relative_gap=0.02)
+    assert isinstance(plan, rs.Plan)
     assert misfit(plan, replay(plan)) < ACCURACY
 
 

@@ -25,7 +25,9 @@ def line(r: float = R, x: float = X, rating: float | None = None, **devices: Any
     about = [] if rating is None else [{"name": "1-2", "rating_mva": rating}]
     band = devices.pop("band", (0.9, 1.1))
     grid = devices.pop("grid", {})
-    placed = {kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()}
+    placed: dict[str, Any] = {
+        kind: [{"bus": "2", **t} for t in tables] for kind, tables in devices.items()
+    }
     return small_case(
         slots=1,
         buses=2,
@@ -135,11 +137,12 @@ def test_a_low_voltage_limits_what_is_served(method: str) -> None:
 @pytest.mark.parametrize("kind", ["pv", "ess", "generator"])
 def test_reactive_power_at_the_far_end_serves_more(kind: str) -> None:
     """0.4 Mvar there take 0.4 x off the drop: P = ((1 - V_min^2) / 2 + 0.4 x) / (r + x tan phi)."""
-    unit: dict[str, Any] = {
+    units: dict[str, dict[str, Any]] = {
         "pv": {"p_max_mw": 0.4, "s_mva": 0.4, "profile": "dark"},
         "ess": {"p_max_mw": 0.4, "e_mwh": 1.0, "soc_initial": 0.0, "s_mva": 0.4},
         "generator": {"p_max_mw": 0.0, "q_max_mvar": 0.4},
-    }[kind]
+    }
+    devices: dict[str, Any] = {kind: [{"bus": "2", **units[kind]}]}
     case = small_case(
         slots=1,
         buses=2,
@@ -148,7 +151,7 @@ def test_reactive_power_at_the_far_end_serves_more(kind: str) -> None:
         voltage_band_pu=(V_MIN, 1.1),
         grid=[GRID],
         load=[{"bus": "2", **load(3.0, **PF)}],
-        **{kind: [{"bus": "2", **unit}]},
+        **devices,
     )
     most = ((1 - V_MIN**2) / 2 + 0.4 * X) / (R + X * TAN)
     found = solved(case, "lp")

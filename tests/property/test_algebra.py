@@ -115,4 +115,4 @@ def test_lengths_that_do_not_fit_are_refused(other: object) -> None:
     with pytest.raises(ValueError, match=r"combine|broadcast"):
         leaf([0, 1, 2]).affine + other
     with pytest.raises((ValueError, TypeError)):
-        leaf([0, 1, 2]).affine * other
+        leaf([0, 1, 2]).affine * other  # type: ignore[operator]

@@ -69,7 +69,7 @@ def cases(draw: st.DrawFn) -> Case:
     more = draw(st.lists(st.sampled_from(pairs), max_size=2)) if pairs else []
     lines = sorted({*tree, *more})
     weak = [draw(st.booleans()) for _ in lines]
-    devices = {}
+    devices: dict[str, Any] = {}
     for kind, (most, keys) in DEVICES.items():
         table = st.fixed_dictionaries({"bus": st.integers(1, buses).map(str), **keys})
         least = 1 if kind == "generator" else 0

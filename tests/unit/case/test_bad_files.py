@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from resilience.case import load_case
-from resilience.errors import CaseError, ResilienceError, UsageError
+from resilience.errors import CaseError, UsageError
 
 
 def error_of(path) -> CaseError:
@@ -92,7 +92,7 @@ def test_an_unknown_case_name_offers_the_nearest():
 def test_errors_survive_the_way_between_processes(case_file):
     error = error_of(case_file(("slots = 4", "slots = 0")))
     copy = pickle.loads(pickle.dumps(error))
-    assert isinstance(copy, ResilienceError)
+    assert isinstance(copy, CaseError)
     assert copy.mistakes == error.mistakes
     assert str(copy) == str(error)
     usage = pickle.loads(pickle.dumps(UsageError("no such thing", "try another")))

@@ -1,11 +1,12 @@
 """Every mistake in a case file is found, all at once, with where it is and how to mend it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
 from resilience.case import load_case
-from resilience.errors import CaseError
+from resilience.errors import CaseError, Mistake
 
 
 @dataclass(frozen=True)
@@ -373,7 +374,7 @@ MISTAKES = [
 ]
 
 
-def mistakes_of(path) -> list[Spoiled]:
+def mistakes_of(path: Path) -> list[Mistake]:
     with pytest.raises(CaseError) as caught:
         load_case(path)
     return list(caught.value.mistakes)

@@ -54,9 +54,9 @@ def test_names_may_be_written_as_numbers(case_file):
 def test_a_case_cannot_be_changed_in_place(case_file):
     case = load_case(case_file())
     with pytest.raises(AttributeError):
-        case.slots = 8
+        case.slots = 8  # type: ignore[misc]
     with pytest.raises(ValidationError):
-        case.load[0].p_max_mw = 5.0
+        case.load[0].p_max_mw = 5.0  # type: ignore[misc]
     with pytest.raises(ValueError, match="read-only"):
         case.network.r_pu[0] = 0.0
     with pytest.raises(ValueError, match="read-only"):

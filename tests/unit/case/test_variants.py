@@ -25,7 +25,7 @@ def test_a_case_without_an_outage_table_has_the_defaults(case_file):
     case = load_case(case_file())
     assert case.outage == OutageTable()
     with pytest.raises(ValidationError):
-        case.outage.probability = 0.5
+        case.outage.probability = 0.5  # type: ignore[misc]
 
 
 def test_an_outage_table_merges_over_its_base_and_is_written(case_file, tmp_path):

@@ -191,7 +191,9 @@ def test_the_memory_of_outages_starts_anew_at_midnight(world: World) -> None:
         up = np.ones((37, 3), bool)
         up[memory.lines[1], failed] = False
         blank: Floats = np.zeros((5, 3))
-        memory.update(Observation(t, blank, up, blank, np.zeros(3, int), world.forecast(0)))
+        memory.update(
+            Observation(t, blank, up, blank.astype(np.intp), np.zeros(3, int), world.forecast(0))
+        )
 
     notice(40, np.array([0]))
     notice(41, np.array([0]))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -79,12 +80,14 @@ def test_a_likely_outage_is_prepared_for(algorithm: str) -> None:
     plan = solve(0.4, algorithm=algorithm)
     assert plan.objective == pytest.approx(8.0)
     assert plan.bound == pytest.approx(8.0)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.episodes["cost"] == pytest.approx([8.0, 8.0])
     assert plan.tables["energy"].values[0, 0] == pytest.approx(1.0)
     assert plan.mean_value_cost == pytest.approx(8.6)
     assert plan.value_of_stochastic_solution == pytest.approx(0.6)
     # Known beforehand, scenario 0 costs 8 and scenario 1 costs 5.
     assert plan.clairvoyant_cost == pytest.approx(0.4 * 8.0 + 0.6 * 5.0)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.value_of_perfect_information == pytest.approx(1.8)
 
 
@@ -93,11 +96,13 @@ def test_an_unlikely_outage_is_not(algorithm: str) -> None:
     """p = 0.25: 7.25 + 0.75 x."""
     plan = solve(0.25, algorithm=algorithm)
     assert plan.objective == pytest.approx(7.25)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.episodes["cost"] == pytest.approx([14.0, 5.0])
     assert plan.episodes["shed_mwh"] == pytest.approx([1.0, 0.0])
     assert plan.expected_shed_mwh == pytest.approx(0.25)
     assert plan.shed_probability == pytest.approx(0.25)
     assert plan.value_of_stochastic_solution == pytest.approx(0.0, abs=1e-9)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.value_of_perfect_information == pytest.approx(7.25 - (0.25 * 8.0 + 0.75 * 5.0))
 
 
@@ -129,6 +134,7 @@ def test_a_certain_storm_is_the_deterministic_plan() -> None:
     known = rs.solve(case(), "lp", outages="1-2@01:00-02:00")
     assert plan.objective == pytest.approx(known.objective)
     assert plan.objective == pytest.approx(8.0)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.value_of_perfect_information == pytest.approx(0.0, abs=1e-9)
 
 
@@ -137,6 +143,7 @@ def test_alike_scenarios_are_solved_once() -> None:
     many = Scenarios(("1-2",), down, np.array([0.1, 0.2, 0.1, 0.3, 0.1, 0.2]))
     plan = rs.solve(case(), "stochastic", scenarios=many)
     assert plan.objective == pytest.approx(8.0)
+    assert isinstance(plan, rs.ScenarioPlan)
     assert (plan.scenarios, plan.different) == (6, 2)
     assert plan.episodes["leaves_slot"].tolist() == [1, 1, 1, 2, 2, 2]
 
@@ -144,11 +151,13 @@ def test_alike_scenarios_are_solved_once() -> None:
 def test_dispatchers_are_judged_on_the_same_scenarios() -> None:
     """Idle leaves the storage empty: x = 0."""
     plan = rs.solve(case(), "idle", scenarios=storms(0.4))
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.episodes["cost"] == pytest.approx([14.0, 5.0])
     assert plan.objective == pytest.approx(8.6)
     assert plan.bound == pytest.approx(6.2)
     assert plan.tables["staying"].values[0] == pytest.approx([1.0, 0.6])
-    for words in ({"risk": "mean"}, {"physics": "lindistflow"}):
+    choices: tuple[dict[str, Any], ...] = ({"risk": "mean"}, {"physics": "lindistflow"})
+    for words in choices:
         with pytest.raises(UsageError):
             rs.solve(case(), "idle", scenarios=storms(0.4), **words)
 
@@ -179,6 +188,7 @@ def test_integers_are_held_in_one_piece_and_said_to_be_relaxed_when_cut() -> Non
     assert whole.relaxed == []
     assert cut.objective == pytest.approx(2.0 + 0.4 * 3.0 + 0.6 * 0.5)
     assert cut.relaxed == ["recourse: modes, ratings or integers do not hold in 1 scenarios"]
+    assert cut.bound is not None
     assert cut.bound <= whole.objective
 
 
@@ -205,6 +215,7 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     )
     assert cut.solution.objective == pytest.approx(whole.solution.objective, rel=1e-7)
     assert cut.mean_value_cost == pytest.approx(whole.mean_value_cost, rel=1e-7)
+    assert cut.mean_value_cost is not None
     assert cut.mean_value_cost >= cut.stochastic_cost - 1e-9
     assert risk.of(wait_and_see(program), program.distinct.probability) <= cut.solution.bound + 1e-6
 
@@ -215,6 +226,7 @@ def test_lindistflow_costs_no_less_than_copperplate(feeder: Case) -> None:
         rs.solve(feeder, "stochastic", scenarios=scenarios, physics=physics, algorithm="lshaped")
         for physics in ("copperplate", "lindistflow")
     ]
+    assert plans[0].bound is not None
     assert plans[1].objective >= plans[0].bound - 1e-6
     assert plans[1].relaxed == []
     assert max(plans[1].audit.values()) < 1e-6
@@ -230,6 +242,8 @@ def test_a_plan_comes_back_from_disk(tmp_path: Path) -> None:
     assert again.tables.keys() == plan.tables.keys()
     for name in (*plan.tables, "band_energy", "band_shed", "scenarios", "recourse"):
         assert again.frame(name).equals(plan.frame(name)), name
+    assert again.outages is not None
+    assert plan.outages is not None
     assert (again.outages.down == plan.outages.down).all()
     assert rs.plot_scenario_plan(again, tmp_path / "plan.png").axes
     with pytest.raises(UsageError, match="another kind of result"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ WEAK = Curve("weak", "lognormal", {"median_mps": 45.0, "beta": 0.2}, 3.0, 10.0, 
 
 
 def poles(
-    counts: Sequence[int], correlation: float = 0.3, curve: Curve = WEAK, **more: object
+    counts: Sequence[int], correlation: float = 0.3, curve: Curve = WEAK, **more: Any
 ) -> SpannedLines:
     """Lines of so many spans with a pole each."""
     at = np.repeat(np.arange(len(counts)), counts)

@@ -16,6 +16,7 @@ from resilience.fragility.chain import Storm, slot_times, storm, storm_scenarios
 from resilience.fragility.draw import outages_from, sample_case
 from resilience.fragility.likely import buses_text, likely
 from resilience.fragility.lines.curves import CURVES
+from resilience.fragility.lines.damage import failed_by
 from resilience.fragility.outages.scenarios import Scenarios
 
 CASES = ("ieee33_koinu", "ieee33_rammasun")
@@ -135,6 +136,8 @@ def test_curves_and_options_of_the_wind_are_the_cases(koinu: Case, over: Storm) 
     turned = storm(changed(koinu, inflow="hubbert1991"))
     rough = storm(changed(koinu, roughness="tchazards", inland_km=3.0))
     assert np.abs(still.winds[0].speed_mps - over.winds[0].speed_mps).max() > 1.0
+    assert turned.winds[0].direction_deg is not None
+    assert over.winds[0].direction_deg is not None
     assert np.abs(turned.winds[0].direction_deg - over.winds[0].direction_deg).max() > 10.0
     ratio = (0.66 + 0.34 * np.exp(-3.0 / 0.4)) / 0.8
     np.testing.assert_allclose(rough.winds[0].speed_mps, ratio * over.winds[0].speed_mps)
@@ -170,7 +173,7 @@ def test_a_forecast_spreads_the_risk(koinu: Case) -> None:
     found = storm(changed(koinu, forecast=errors))
     assert len(found.winds) == 3
     assert np.abs(found.winds[0].speed_mps - found.winds[1].speed_mps).max() > 1.0
-    one = [chain.failed_by(found.lines, wind, found.timing) for wind in found.winds]
+    one = [failed_by(found.lines, wind, found.timing) for wind in found.winds]
     np.testing.assert_allclose(found.failed_by, np.mean(one, axis=0), atol=1e-12)
 
 

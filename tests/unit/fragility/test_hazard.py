@@ -161,6 +161,7 @@ def test_a_feeder_astride_the_dateline_is_where_it_is(lon: float) -> None:
     case = rs.load_case("ieee33_koinu")
     assert case.storm is not None
     assert case.geography is not None
+    assert case.geography.anchor_lon_deg is not None
     by = lon - case.geography.anchor_lon_deg
     points = tuple(
         (p[0], p[1], (p[2] + by + 180.0) % 360.0 - 180.0, *p[3:]) for p in case.storm.points
@@ -170,6 +171,8 @@ def test_a_feeder_astride_the_dateline_is_where_it_is(lon: float) -> None:
         storm=case.storm.model_copy(update={"points": points}),
     )
     here, there = hazard(case, n=5), hazard(moved, n=5)
+    assert here.closest is not None
+    assert there.closest is not None
     assert there.closest[0] == pytest.approx(here.closest[0], abs=0.01)
     np.testing.assert_allclose(there.storm.failed_by, here.storm.failed_by, atol=1e-6)
     for one, other in zip(there.storm.geography.bus_km, here.storm.geography.bus_km, strict=True):

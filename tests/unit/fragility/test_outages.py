@@ -98,9 +98,9 @@ def test_shifts_are_within_three_slots_and_all_occur() -> None:
 
 def test_a_common_draw_fails_all_lines_together() -> None:
     bell = Bell(common_draw=True, shift_slots=0)
-    down = sample_bell(CASE, bell, 100, 7).down.any(axis=1)
+    down = np.asarray(sample_bell(CASE, bell, 100, 7).down.any(axis=1))
     assert (down == down[0]).all()
-    apart = sample_bell(CASE, replace(bell, common_draw=False), 100, 7).down.any(axis=1)
+    apart = np.asarray(sample_bell(CASE, replace(bell, common_draw=False), 100, 7).down.any(axis=1))
     assert not (apart == apart[0]).all()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.stats import kstest, lognorm, norm
@@ -107,7 +109,7 @@ def test_who_saw_the_outages_knows_the_queue(crews: int, ranked: bool, until: in
         )
         rest = repair_outcome(
             np.where(first >= until, first - until, SLOTS)[:, None],
-            lambda line, scenario, times, length=length: length[line],
+            partial(lambda length, line, scenario, times: length[line], length),
             lambda t: CALM[:, until + t, None],
             SLOTS - until,
             crews=crews,

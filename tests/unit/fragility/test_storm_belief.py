@@ -68,7 +68,7 @@ def test_what_is_seen_counts_as_in_a_hundred_thousand_storms(correlation: float)
     storms = sample_storms(
         lines(correlation), blown(), 400_000, 7, repair=None, timing=Timing(step_h=0.25)
     )
-    down: Floats = storms.down
+    down = storms.down
     first = np.where(down.any(axis=1), down.argmax(axis=1), SLOTS)
     alike = (first[1] == 4) & (first[0] > 5) & (first[2] > 5)
     assert alike.sum() > 2_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ NAMES = ("a", "b", "c", "d")
 HOURLY = Timing(step_h=1.0)
 
 
-def storm(speed: np.ndarray, repair: Repair, step_h: float = 1.0) -> SimpleNamespace:
+def storm(speed: np.ndarray, repair: Repair, step_h: float = 1.0) -> Any:
     """A storm over four lines of three poles each: speed (slots,) or (lines, slots)."""
     slots = speed.shape[-1]
     by_line = np.broadcast_to(speed, (len(NAMES), slots))
@@ -34,7 +35,7 @@ def storm(speed: np.ndarray, repair: Repair, step_h: float = 1.0) -> SimpleNames
     )
 
 
-def drawn(of: SimpleNamespace, n: int, seed: int = 1) -> Bools:
+def drawn(of: Any, n: int, seed: int = 1) -> Bools:
     """(lines, slots, n) where lines are down; a mended line holds, as is believed."""
     return sample_storms(
         of.lines, of.winds, n, seed,

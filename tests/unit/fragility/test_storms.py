@@ -195,7 +195,7 @@ def test_nobody_works_in_the_wind() -> None:
     found = sample_storms(lines, wind, 2000, 3, repair=Repair("uniform", (0.25, 1.5)))
     ends = (np.diff(found.down.astype(int), axis=1) == -1).any(axis=2)
     for k, counts in enumerate(np.split(np.arange(65), np.cumsum(COUNTS)[:-1])):
-        windy = (wind.speed_mps[counts] > 20.0).any(axis=0)
+        windy = np.asarray((wind.speed_mps[counts] > 20.0).any(axis=0))
         assert windy.sum() > 10
         assert ends[k].any()
         assert not (ends[k] & windy[:-1]).any()

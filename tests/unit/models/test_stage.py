@@ -17,7 +17,7 @@ def twice(stage: Stage) -> None:
 
 
 def product(stage: Stage) -> None:
-    stage["x"] * stage["x"]
+    stage["x"] * stage["x"]  # type: ignore[operator]
 
 
 def data_in_a_cone(stage: Stage) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -191,7 +192,7 @@ def test_a_case_without_storage_and_without_storms_is_drawn() -> None:
     ],
 )
 def test_what_does_not_exist_is_refused(
-    tiny: Comparison, arguments: tuple[object, ...], message: str
+    tiny: Comparison, arguments: tuple[Any, ...], message: str
 ) -> None:
     with pytest.raises(rs.UsageError, match="hint:") as caught:
         rs.plot_storm(tiny, *arguments)

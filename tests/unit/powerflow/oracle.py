@@ -27,7 +27,7 @@ def oracle(
         pp.create_line_from_parameters(net, i, j, 1.0, *ohm, 0.0, 99.0, in_service=bool(up[k]))
     for bus in range(len(p)):
         pp.create_sgen(net, bus, p[bus], q[bus])
-    for bus in np.flatnonzero(root):
+    for bus in np.flatnonzero(root).tolist():
         pp.create_ext_grid(net, bus, vm_pu=v[bus])
     pp.runpp(net, numba=False, tolerance_mva=1e-10, init="flat")
     flows = net.res_line.fillna(0.0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -54,8 +56,8 @@ def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
             ("grid.export", case.grid, -1),
         )
         for kind, tables, sign in sources:
-            for i, unit in enumerate(tables):
-                p[network.bus(unit.bus)] += sign * run.flow(kind)[i, t, k]
+            for i, device in enumerate(tables):
+                p[network.bus(device.bus)] += sign * run.flow(kind)[i, t, k]
         up = world.line_up[:, t, k] & network.in_service
         root = roots(case, connected(case, up[:, None]))[:, 0]
         v, loss, _, fed = oracle(network, p, q, up, root, np.ones(len(p)))
@@ -77,7 +79,7 @@ def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.Mo
         np.testing.assert_allclose(whole.values(name), small_pieces.values(name), atol=1e-9)
 
 
-def line(r: float, **more: float) -> World:
+def line(r: float, **more: Any) -> World:
     """1 MW behind a line of 10 kV; the line is out in slot 1 of the second scenario."""
     case = small_case(
         buses=2,

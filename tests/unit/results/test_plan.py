@@ -58,6 +58,7 @@ def test_energy_is_conserved_and_losses_are_those_of_the_wires(storm: rs.Plan) -
         e["pv"] + e["generators"] + e["import"] + e["discharge"]
         - (e["demand"] - e["shed"]) - e["charge"] - e["export"]
     )  # fmt: skip
+    assert storm.case is not None
     network = storm.case.network
     at = [network.line(name) for name in storm.tables["line_power"].labels]
     p, q = storm.tables["line_power"].values, storm.tables["line_reactive"].values
@@ -67,6 +68,7 @@ def test_energy_is_conserved_and_losses_are_those_of_the_wires(storm: rs.Plan) -
 
 
 def test_stored_energy_follows_the_power(storm: rs.Plan) -> None:
+    assert storm.case is not None
     for unit in storm.case.ess:
         power, energy = storm.tables["power"][unit.name], storm.tables["energy"][unit.name]
         gain = np.maximum(-power, 0.0) * unit.efficiency_charge
@@ -115,6 +117,7 @@ def test_a_saved_plan_loads_back(storm: rs.Plan, tmp_path: Path) -> None:
         assert back.tables[name].labels == table.labels
         np.testing.assert_array_equal(back.tables[name].values, table.values)
     assert back.case is not None
+    assert storm.case is not None
     assert back.case.equals(storm.case)
 
 

@@ -104,4 +104,4 @@ def test_gradients_need_the_other_simulator() -> None:
     simulator = NetworkSimulator(Microgrid.of(two_buses(), "copperplate"), 1.0)
     energy = torch.full((1, 1), 2.0)
     with pytest.raises(rs.UsageError, match="NumPy"):
-        simulator.step(energy, energy, energy, energy)  # type: ignore[arg-type]
+        simulator.step(energy, energy, energy, energy)

@@ -149,7 +149,7 @@ def test_single_precision_is_kept_by_numpy_and_torch(simulator: Simulator) -> No
     seen = scene(simulator, 500, np.random.default_rng(2))
     whole = simulator.step(*seen.all)
     single = [x.astype(np.float32) for x in (seen.energy, seen.action, seen.data)]
-    ours = simulator.step(*single, seen.island)
+    ours = simulator.step(single[0], single[1], single[2], seen.island)
     tensors = [torch.as_tensor(x) for x in (*single, seen.island)]
     theirs = simulator.step(*tensors)
     for name in ("energy", "cost", "charge", "discharge", "spill", "flows"):

@@ -70,7 +70,7 @@ def test_an_averaging_time_is_needed_and_must_be_one() -> None:
 def test_a_storm_needs_two_points_places_and_an_intensity() -> None:
     one = {key: values[:1] for key, values in GOOD.items()}
     assert mistakes(one) == [("track", "points")]
-    nothing = {key: [] for key in GOOD}
+    nothing: dict[str, list[float]] = {key: [] for key in GOOD}
     assert ("track", "points") in mistakes(nothing)
     assert mistakes({"time": TIMES, "lat": [1, 2], "lon": [1, 2]}) == [("track", "vmax_mps")]
     assert mistakes({"vmax_mps": [1]}) == [("heading", key) for key in ("time", "lat", "lon")]

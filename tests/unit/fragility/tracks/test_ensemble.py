@@ -15,7 +15,7 @@ ISSUED = TRACK.time[4]  # 24 h after the start; lead times up to 48 h
 N = 3000
 
 
-def errors(index: int, **spread: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+def errors(index: int, **spread: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Along and across the path, km, and in wind, m/s, of every member at a point."""
     members = ensemble(TRACK, N, np.random.default_rng(5), issued=ISSUED, **spread)
     lon, lat = (np.array([getattr(m, key)[index] for m in members]) for key in ("lon", "lat"))

@@ -65,7 +65,7 @@ def test_environment_by_basin() -> None:
     np.testing.assert_allclose(_again(cyclone(), basin="WP", penv_hpa=1008.0).penv_hpa, 1008.0)
 
 
-def _again(track, **about):  # type: ignore[no-untyped-def]
+def _again(track, **about):
     from resilience.fragility.tracks import track_of
 
     keys = ("time", "lat", "lon", "pressure_hpa", "vmax_mps")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ STORMS = {
 }
 
 
-def columns(intensity: list[tuple[float, float]]) -> dict[str, Any]:
+def columns(intensity: Sequence[tuple[float, float]]) -> dict[str, Any]:
     """Pressures and knots."""
     n = len(intensity)
     return {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def test_there_and_back() -> None:
 def test_a_path_does_not_matter() -> None:
     straight = sea().to(averaging_s=3, exposure="land").speed_mps
     for first in ({"averaging_s": 3}, {"exposure": "land"}, {"averaging_s": 600}):
-        step = sea().to(**first)  # type: ignore[arg-type]
+        step = sea().to(**first)
         np.testing.assert_allclose(step.to(averaging_s=3, exposure="land").speed_mps, straight)
 
 
@@ -71,9 +73,9 @@ def test_longer_means_are_smaller(exposure: str) -> None:
         ({"exposure": "land", "inland_km": -1}, "inland_km -1"),
     ],
 )
-def test_refusals(kind: dict[str, object], message: str) -> None:
+def test_refusals(kind: dict[str, Any], message: str) -> None:
     with pytest.raises(UsageError) as caught:
-        sea().to(**kind)  # type: ignore[arg-type]
+        sea().to(**kind)
     assert message in str(caught.value)
 
 

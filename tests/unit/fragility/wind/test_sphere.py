@@ -12,7 +12,7 @@ RNG = np.random.default_rng(7)
 LAT, LON = np.degrees(np.arcsin(RNG.uniform(-1, 1, 300))), RNG.uniform(-180, 180, 300)
 
 
-def pairs() -> tuple[np.ndarray, ...]:  # type: ignore[type-arg]
+def pairs() -> tuple[np.ndarray, ...]:
     eyes, points = slice(0, 20), slice(20, 300)
     i, j = np.meshgrid(np.arange(280), np.arange(20), indexing="ij")
     return LAT[eyes][j], LON[eyes][j], LAT[points][i], LON[points][i]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, wind
 from tests.cyclones import around, cyclone
 
 R = 40_000.0
-MOVING = {"at": (15.0, 120.0), "move": (0.08, -0.12)}
+MOVING: dict[str, Any] = {"at": (15.0, 120.0), "move": (0.08, -0.12)}
 
 
 def mirrored(track: Track) -> Track:
