@@ -283,7 +283,7 @@ def test_values_of_looking_further(day: World) -> None:
     blind, many = (found.objective[name].mean() for name in ("mpc-blind", "stochastic"))
     assert (one["deterministic"], one["stochastic"]) == ("mpc-blind", "stochastic")
     assert one["per_day"] == pytest.approx(blind - many)
-    assert one["per_day"] > 0
+    assert float(one["per_day"]) > 0
     information = found.frame().loc["stochastic", "perfect_information_per_day"]
     assert information == pytest.approx(many - found.bound.mean())
 
