@@ -63,7 +63,7 @@ def progress(verbose: bool) -> Iterator[None]:
     log = logging.getLogger("resilience")
     log.setLevel(logging.INFO)
     console = Console(stderr=True)
-    live = _display(console) if console.is_terminal and not verbose else None
+    live = progress_display(console) if console.is_terminal and not verbose else None
     ticker = Ticker(live, 0.0 if verbose else QUIET_S)
     log.addHandler(ticker)
     try:
@@ -73,7 +73,8 @@ def progress(verbose: bool) -> Iterator[None]:
         log.removeHandler(ticker)
 
 
-def _display(console: Console) -> Progress:
+def progress_display(console: Console) -> Progress:
+    """A spinner, a bar and the time that has passed, for the phase that is on."""
     from rich.progress import (
         BarColumn,
         Progress,

@@ -50,14 +50,15 @@ class Store:
 
     def get(self, name: str, world: World, make: Factory | None) -> Trajectory | None:
         """A part that was kept, None where there is none."""
-        path = self._path(name, world, make)
+        path = self.part_file(name, world, make)
         return load_trajectory(path) if path.is_file() else None
 
     def put(self, trajectory: Trajectory, world: World, make: Factory | None) -> None:
         """Keeps a part: its file appears whole or not at all."""
-        save_trajectory(trajectory, self._path(trajectory.name, world, make))
+        save_trajectory(trajectory, self.part_file(trajectory.name, world, make))
 
-    def _path(self, name: str, world: World, make: Factory | None) -> Path:
+    def part_file(self, name: str, world: World, make: Factory | None) -> Path:
+        """The file of a part, called after all that its numbers depend on."""
         digest = hashlib.sha256()
         _feed(digest, [code(), name, _facts(world), _maker(name, make)])
         first, last = world.index[[0, -1]]

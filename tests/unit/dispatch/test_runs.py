@@ -187,10 +187,10 @@ def test_a_part_is_called_after_all_that_it_depends_on(world: World, tmp_path: P
         world.with_scenarios(np.array([0])),
         World.build(Microgrid.of(dearer, "copperplate"), world.scenarios),
     ]
-    names = [store._path("rule", w, rule) for w in changed]
-    names += [store._path("idle", world, Idle), store._path("rule", world, Drawn)]
+    names = [store.part_file("rule", w, rule) for w in changed]
+    names += [store.part_file("idle", world, Idle), store.part_file("rule", world, Drawn)]
     assert len(set(names)) == len(names)
-    assert names[0] == store._path("rule", pickle.loads(pickle.dumps(world)), rule)
+    assert names[0] == store.part_file("rule", pickle.loads(pickle.dumps(world)), rule)
     assert len(code()) == 64
 
 

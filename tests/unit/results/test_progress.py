@@ -8,7 +8,7 @@ import logging
 import pytest
 from rich.console import Console
 
-from resilience.cli.terminal import Ticker, _display
+from resilience.cli.terminal import Ticker, progress_display
 from resilience.progress import Meter, meter, stopwatch, watching
 
 
@@ -36,7 +36,7 @@ def test_what_is_at_work_is_announced_once(caplog: pytest.LogCaptureFixture) -> 
 
 def test_a_bar_on_a_terminal_and_silence_elsewhere(capsys: pytest.CaptureFixture[str]) -> None:
     screen = io.StringIO()
-    live = _display(Console(file=screen, force_terminal=True, width=80))
+    live = progress_display(Console(file=screen, force_terminal=True, width=80))
     ticker = Ticker(live, 0.0)
     with live:
         ticker.count(Meter("dispatch", 10, 4, "mpc"))
