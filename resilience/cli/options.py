@@ -156,7 +156,7 @@ ReportFolder = Annotated[
 ]
 
 
-class TrackOptions(TypedDict):
+class TrackFileOptions(TypedDict):
     """The storm to draw for, as a command line gives it; None: the case's.
 
     Attributes:

@@ -65,7 +65,11 @@ def scenarios(
         "centre_error_slots": centre_error_slots,
         "rate": rate,
     }
-    of_track: options.TrackOptions = {"track": track, "storm": storm, "averaging_s": averaging_s}
+    of_track: options.TrackFileOptions = {
+        "track": track,
+        "storm": storm,
+        "averaging_s": averaging_s,
+    }
     drawn = draw(loaded, n, seed, days=days, shift=shift, **of_track, **bell)
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resilience.arrays import Floats
 from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing, accumulated, failed_by

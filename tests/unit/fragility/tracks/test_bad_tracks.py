@@ -91,7 +91,7 @@ def test_calls_that_cannot_mean_anything(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="allowed: ibtracs, hurdat2, cma, csv"):
         read_track(path, format="netcdf")
     with pytest.raises(UsageError, match="option 'agencies'"):
-        read_track(path, agencies="usa")
+        read_track(path, agencies="usa")  # type: ignore[call-arg]
     path.write_text("AL092017, X, 0,\n", encoding="utf-8")
     with pytest.raises(UsageError, match="looks like hurdat2, not ibtracs"):
         read_track(path, format="ibtracs", averaging_s=60)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -69,7 +71,7 @@ def test_stronger_is_deeper_and_smaller() -> None:
 
 
 def test_without_deviations_nothing_changes_and_seeds_decide() -> None:
-    none = {"along_km_per_day": 0.0, "cross_km_per_day": 0.0, "intensity_mps": 0.0}
+    none: dict[str, Any] = {"along_km_per_day": 0.0, "cross_km_per_day": 0.0, "intensity_mps": 0.0}
     same = ensemble(TRACK, 1, np.random.default_rng(3), **none)[0]
     np.testing.assert_allclose(same.lat, TRACK.lat, atol=1e-9)
     a, b = (ensemble(TRACK, k, np.random.default_rng(4)) for k in (2, 7))
