@@ -1,13 +1,15 @@
 """MkDocs hook: reference pages made from the code, so that they cannot differ from it.
 
 - `reference/case.md` from the JSON Schema of a case file;
-- `reference/components/<name>.md` from the docstring of each file in models/components;
+- `reference/components/<name>.md` from the docstring of each file in models/components, and of the
+  file of every other device that is registered;
 - `reference/symbols.md` from `symbol_table()`.
 
 A navigation entry that ends in `/` is filled with the pages of that folder.
 """
 
 import ast
+import inspect
 import re
 import sys
 from collections.abc import Iterator
@@ -98,14 +100,22 @@ def fill(nav: list[Any], docs: Path) -> None:
 def components() -> dict[str, str]:
     """Return the page of every component file whose docstring holds formulas."""
     found = {}
-    for path in sorted(COMPONENTS.glob("*.py")):
+    for path in [*sorted(COMPONENTS.glob("*.py")), *device_files()]:
         text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
         if "$$" in text:
             title = re.split(r" \(|[:,.]", text, maxsplit=1)[0]
-            source = path.relative_to(ROOT).as_posix()
+            source = path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
             body = text.removeprefix(f"{title}.").strip()
             found[path.stem] = f"# {title}\n\n{body}\n\n*From `{source}`.*\n"
     return found
+
+
+def device_files() -> list[Path]:
+    """Return the files of components that were registered from elsewhere."""
+    from resilience.models.components import fleet_classes
+
+    files = {Path(inspect.getfile(fleet)) for fleet in fleet_classes()}
+    return sorted(path for path in files if path.parent != COMPONENTS)
 
 
 def case_page(schema: dict[str, Any]) -> str:

@@ -10,6 +10,8 @@ from resilience.case.load import load_case
 from resilience.case.networks.network import Network
 from resilience.case.outages import parse_outages
 from resilience.case.schema import (
+    DeviceKind,
+    DeviceTable,
     ESSTable,
     GeneratorTable,
     GridTable,
@@ -17,12 +19,16 @@ from resilience.case.schema import (
     OutageTable,
     PVTable,
     case_schema,
+    register_device,
+    unregister_device,
 )
 from resilience.case.starter import new_case_text
 from resilience.case.write import case_text
 
 __all__ = [
     "Case",
+    "DeviceKind",
+    "DeviceTable",
     "ESSTable",
     "GeneratorTable",
     "GridTable",
@@ -37,4 +43,6 @@ __all__ = [
     "load_case",
     "new_case_text",
     "parse_outages",
+    "register_device",
+    "unregister_device",
 ]

@@ -18,7 +18,6 @@ from resilience.case.window import Window
 from resilience.errors import UsageError
 
 _HORIZON = ("start", "slots", "step_min")
-_LISTS = {*DEVICES, "line"}
 _TABLES = {"outage", "geography", "storm"}
 _HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
 
@@ -35,14 +34,15 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
         CaseError: the result is no valid case.
         UsageError: a key that cannot be replaced, or outages that do not fit.
     """
-    replaceable = {*_HORIZON, *_HEAD, *_LISTS, *_TABLES, "profiles", "outages"}
+    lists = {*DEVICES, "line"}
+    replaceable = {*_HORIZON, *_HEAD, *lists, *_TABLES, "profiles", "outages"}
     for key in changes.keys() - replaceable:
         hint = "it can replace " + ", ".join(sorted(replaceable))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
     data = copy.deepcopy(case.source)
     data.pop("outages", None)
     data |= {key: changes[key] for key in _HEAD if key in changes}
-    for kind in _LISTS & changes.keys():
+    for kind in lists & changes.keys():
         data[kind] = [plain(table) for table in changes[kind]]
         data.get("defaults", {}).pop(kind, None)
     for key in changes.keys() & _TABLES:

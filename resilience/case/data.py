@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from resilience.arrays import Floats
 from resilience.case.networks.network import Network
 from resilience.case.schema import (
     DEVICES,
+    DeviceTable,
     ESSTable,
     GeneratorTable,
     GeographyTable,
@@ -26,6 +27,8 @@ from resilience.case.schema import (
 )
 from resilience.case.window import Window
 from resilience.errors import UsageError
+
+AnyDevice = TypeVar("AnyDevice", bound=DeviceTable)
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Outage:
 class Case:
     """A microgrid, its horizon, and the outages to plan for.
 
-    Device tables are tuples in the order of the file; powers are in MW, energies in MWh, prices
+    `devices` holds the tables of every kind of device by its key, in the order of the file;
+    `case.ess` is short for `case.devices["ess"]`. Powers are in MW, energies in MWh, prices
     per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak, and a
     grid's tariff per MWh under its `tariff_profile`. `line` has what the file says of single lines
     of the network. `outages` are those to plan for, `outage` is
@@ -59,11 +63,7 @@ class Case:
     slots: int
     step_min: float
     profiles: Mapping[str, Floats]
-    load: tuple[LoadTable, ...]
-    pv: tuple[PVTable, ...]
-    ess: tuple[ESSTable, ...]
-    generator: tuple[GeneratorTable, ...]
-    grid: tuple[GridTable, ...]
+    devices: Mapping[str, tuple[DeviceTable, ...]]
     line: tuple[LineTable, ...]
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
@@ -74,6 +74,39 @@ class Case:
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def load(self) -> tuple[LoadTable, ...]:
+        """Tables `[[load]]`."""
+        return cast(tuple[LoadTable, ...], self.devices["load"])
+
+    @property
+    def pv(self) -> tuple[PVTable, ...]:
+        """Tables `[[pv]]`."""
+        return cast(tuple[PVTable, ...], self.devices["pv"])
+
+    @property
+    def ess(self) -> tuple[ESSTable, ...]:
+        """Tables `[[ess]]`."""
+        return cast(tuple[ESSTable, ...], self.devices["ess"])
+
+    @property
+    def generator(self) -> tuple[GeneratorTable, ...]:
+        """Tables `[[generator]]`."""
+        return cast(tuple[GeneratorTable, ...], self.devices["generator"])
+
+    @property
+    def grid(self) -> tuple[GridTable, ...]:
+        """Tables `[[grid]]`."""
+        return cast(tuple[GridTable, ...], self.devices["grid"])
+
+    def tables_of(self, table: type[AnyDevice]) -> tuple[AnyDevice, ...]:
+        """All devices whose tables are of a type, whatever kind they are of.
+
+        `tables_of(LoadTable)` has the `[[load]]`, and every kind whose table extends theirs.
+        """
+        every = (device for tables in self.devices.values() for device in tables)
+        return tuple(device for device in every if isinstance(device, table))
 
     @property
     def file_name(self) -> str:
@@ -128,10 +161,11 @@ class Case:
     def equals(self, other: Case) -> bool:
         """Say whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        tables = ("outages", "outage", "geography", "line", *DEVICES)
+        tables = ("outages", "outage", "geography", "line")
         plain = ("name", "description", *horizon, *tables)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)
+            and all(self.devices.get(kind) == other.devices.get(kind) for kind in DEVICES)
             and self.terminal_value_per_mwh == other.terminal_value_per_mwh
             and self.reserve_price_per_mwh == other.reserve_price_per_mwh
             and self.network.equals(other.network)

@@ -10,10 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from resilience.case.networks.network import did_you_mean
+from resilience.case.schema import DEVICES
 from resilience.errors import Mistake, UsageError
-
-KEYED = ("load", "pv", "ess", "generator", "grid", "line")
-"""Lists of tables that merge by name."""
 
 _SOURCES = ("pandapower", "file", "bus", "line")
 _PACKAGE = Path(__file__).parent.parent
@@ -22,7 +20,7 @@ TomlTable = dict[str, object]
 """A table of a case file as it was read: nobody has checked what its values are."""
 
 Place = tuple[str, ...]
-"""Where a table or a key stands: `("ess", "ess1", "p_max_mw")`; entries of `KEYED` go by name."""
+"""Where a table or a key stands: `("ess", "ess1", "p_max_mw")`; keyed entries go by name."""
 
 Finding = tuple[str, str, str, str]
 """`(key, value, allowed, hint)`: one thing wrong with a table."""
@@ -70,7 +68,7 @@ class Document:
         self.mistakes.append(Mistake(self.file_of(*where), table, key, value, allowed, hint))
 
     def _is_default(self, where: Place) -> bool:
-        if len(where) != 3 or where[0] not in KEYED:
+        if len(where) != 3 or not _is_keyed(where[0]):
             return False
         kind, name, key = where
         namesakes = [entry for entry in self.entries(kind) if entry_name(kind, entry) == name]
@@ -192,10 +190,15 @@ def _places(value: object, where: Place = ()) -> Iterator[Place]:
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _places(inner, (*where, str(key)))
-    elif len(where) == 1 and where[0] in KEYED and isinstance(value, list):
+    elif len(where) == 1 and _is_keyed(where[0]) and isinstance(value, list):
         for entry in value:
             if isinstance(entry, dict):
                 yield from _places(entry, (*where, entry_name(where[0], entry)))
+
+
+def _is_keyed(key: str) -> bool:
+    """Whether the entries of a list of tables merge by name: devices and lines."""
+    return key == "line" or key in DEVICES
 
 
 def entry_name(kind: str, entry: TomlTable) -> str:
@@ -209,7 +212,7 @@ def _merge(base: TomlTable, child: TomlTable) -> TomlTable:
     merged = {k: v for k, v in base.items() if k not in ("extends", "name", "description")}
     for key, value in child.items():
         old = merged.get(key)
-        if key in KEYED and isinstance(old, list) and isinstance(value, list):
+        if _is_keyed(key) and isinstance(old, list) and isinstance(value, list):
             merged[key] = _merge_entries(key, old, value)
         elif key == "network" and isinstance(old, dict) and isinstance(value, dict):
             merged[key] = _merge_network(old, value)

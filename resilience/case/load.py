@@ -26,8 +26,7 @@ from resilience.case.profiles import read_profiles
 from resilience.case.reading import read_list, read_table, show, unknown_key
 from resilience.case.schema import (
     DEVICES,
-    CaseTable,
-    DefaultsTable,
+    DeviceTable,
     GeographyTable,
     HeadTable,
     LineTable,
@@ -36,6 +35,8 @@ from resilience.case.schema import (
     ProfilesTable,
     StormTable,
     TimeTable,
+    case_table,
+    defaults_table,
 )
 from resilience.case.tariff import tariff_profiles
 from resilience.case.window import Window
@@ -66,8 +67,8 @@ def build_case(document: Document) -> Case:
     parts.lines = [(table, title) for table, title, _ in entries]
     _read_weather(parts)
     _read_network(parts)
-    for kind, model in DEVICES.items():
-        tables = read_list(model, kind, document.data.get(kind, []), document, (kind,))
+    for kind, device in DEVICES.items():
+        tables = read_list(device.table, kind, document.data.get(kind, []), document, (kind,))
         parts.devices[kind] = [(table, title) for table, title, _ in tables]
     outage = _read_outage(document)
     check_parts(parts)
@@ -80,10 +81,11 @@ def build_case(document: Document) -> Case:
     if document.mistakes or parts.network is None or parts.window is None:
         raise CaseError(document.mistakes)
     path, window = document.path, parts.window
-    devices: dict[str, Any] = {
+    plants, reduced = under_cloud((d for d, _ in parts.devices["pv"]), profiles, parts)
+    grids = [table for table, _ in parts.devices["grid"]]
+    devices: dict[str, tuple[DeviceTable, ...]] = {
         kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
     }
-    devices["pv"], reduced = under_cloud(devices["pv"], profiles, parts)
     return Case(
         name=head.name or (path.stem if path else "case"),
         description=head.description,
@@ -92,8 +94,9 @@ def build_case(document: Document) -> Case:
         start=window.start,
         slots=window.slots,
         step_min=window.step_min,
+        devices=devices | {"pv": plants},
         line=tuple(line for line, _ in parts.lines),
-        profiles=profiles | reduced | tariff_profiles(devices["grid"], profiles, window),
+        profiles=profiles | reduced | tariff_profiles(grids, profiles, window),
         outages=outages,
         outage=outage,
         geography=parts.geography,
@@ -103,7 +106,6 @@ def build_case(document: Document) -> Case:
         reserve_price_per_mwh=head.reserve_price_per_mwh,
         source=document.data,
         rebuild=_rebuild,
-        **devices,
     )
 
 
@@ -112,13 +114,14 @@ def _rebuild(case: Case, changes: dict[str, Any]) -> Case:
 
 
 def _read_head(document: Document) -> HeadTable:
-    for key in document.data.keys() - CaseTable.model_fields.keys():
-        document.add((key,), "", key, *unknown_key(CaseTable, key))
+    table = case_table()
+    for key in document.data.keys() - table.model_fields.keys():
+        document.add((key,), "", key, *unknown_key(table, key))
     data = document.data.items()
     raw = {key: value for key, value in data if key in HeadTable.model_fields}
     head, _ = read_table(HeadTable, raw, document, "", ())
     defaults = document.data.get("defaults", {})
-    read_table(DefaultsTable, defaults, document, "[defaults]", ("defaults",))
+    read_table(defaults_table(), defaults, document, "[defaults]", ("defaults",))
     return head
 
 

@@ -11,7 +11,6 @@ from resilience.case.cloud import is_reduced
 from resilience.case.data import Case
 from resilience.case.document import TomlTable
 from resilience.case.outages import outage_texts
-from resilience.case.schema import DEVICES
 
 
 def case_text(case: Case) -> str:
@@ -32,8 +31,8 @@ def case_text(case: Case) -> str:
         "time": {"start": case.start, "slots": case.slots, "step_min": case.step_min},
         "outage": plain(case.outage),
     }
-    for kind in DEVICES:
-        data[kind] = [plain(device) for device in getattr(case, kind)]
+    for kind, tables in case.devices.items():
+        data[kind] = [plain(table) for table in tables]
     for key in ("geography", "storm"):
         if getattr(case, key) is not None:
             data[key] = plain(getattr(case, key))

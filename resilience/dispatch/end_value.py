@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.case.schema import GridTable
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -30,11 +31,12 @@ if TYPE_CHECKING:
 
 def energy_price(case: Case) -> Floats:
     """(slots,) $ per MWh of the cheapest source that is always there: a grid, else a generator."""
-    if case.grid:
-        imports = [grid.import_price for grid in case.grid]
+    imports = [grid.import_price for grid in case.tables_of(GridTable)]
+    if imports:
         return np.min([factor * case.profile(name) for factor, name in imports], axis=0)
-    cheapest = min((unit.marginal_cost_per_mwh for unit in case.generator), default=0.0)
-    return np.full(case.slots, cheapest)
+    every = (device for tables in case.devices.values() for device in tables)
+    costs = [cost for d in every if (cost := d.marginal_cost_per_mwh) is not None]
+    return np.full(case.slots, min(costs, default=0.0))
 
 
 def stored_energy_value(case: Case, end_value_per_mwh: float) -> Floats:

@@ -35,50 +35,34 @@ class MergedGrid:
     microgrid: Microgrid
     mixed: dict[str, tuple[tuple[str | None, ...], Floats]]
 
-    def profile(self, of: Profile) -> Profile:
+    def profile(self, unmerged: Profile) -> Profile:
         """Profiles of the smaller case from those of the case, (nodes,) each."""
 
-        def found(name: str | None) -> Floats:
+        def mixture(name: str | None) -> Floats:
             if name not in self.mixed:
-                return of(name)
+                return unmerged(name)
             members, share = self.mixed[name]
-            return share @ np.array([of(member) for member in members])
+            return share @ np.array([unmerged(member) for member in members])
 
-        return found
+        return mixture
 
 
 def merged_grid(case: Case) -> MergedGrid:
     """Joins devices of a case that no program can tell apart."""
     microgrid = Microgrid.of(case, "copperplate")
     mixed: dict[str, tuple[tuple[str | None, ...], Floats]] = {}
-
-    def joined(kind: str, key: Callable[[Any], Hashable]) -> tuple[Any, ...]:
+    devices = dict(case.devices)
+    for kind, fleet in microgrid.fleets.items():
         groups: dict[Hashable, list[Any]] = {}
-        tables = getattr(case, kind)
-        for bus, table in zip(microgrid.at(tables), tables, strict=True):
-            alone = key(table)
-            groups.setdefault((bus, table.name if alone is None else alone), []).append(table)
-        return tuple(_one(members, mixed) for members in groups.values())
-
-    load = joined("load", lambda t: None if t.block else t.shed_cost_per_mwh * t.priority)
-    pv = joined("pv", lambda t: (t.curtailable, t.cost_per_mwh))
-    generator = joined("generator", _generator_key)
-    smaller = replace(case, load=load, pv=pv, generator=generator)
-    return MergedGrid(replace(microgrid, case=smaller), mixed)
+        for bus, table in zip(fleet.bus, fleet.tables, strict=True):
+            key = fleet.merge_key(table)
+            groups.setdefault((bus, table.name if key is None else key), []).append(table)
+        devices[kind] = tuple(_merged(members, mixed) for members in groups.values())
+    return MergedGrid(replace(microgrid, case=replace(case, devices=devices)), mixed)
 
 
-def _generator_key(table: Any) -> Hashable:
-    """None for a unit with a curve, ramps or commitment."""
-    apart = ("cost_curve", "ramp_up_mw_per_h", "ramp_down_mw_per_h")
-    whole = ("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
-    if any(getattr(table, key) is not None for key in apart) or any(
-        getattr(table, key) for key in whole
-    ):
-        return None
-    return float(table.cost_per_mwh)
-
-
-def _one(members: list[Any], mixed: dict[str, tuple[tuple[str | None, ...], Floats]]) -> Any:
+def _merged(members: list[Any], mixed: dict[str, tuple[tuple[str | None, ...], Floats]]) -> Any:
+    """One table for several; where they follow profiles, it follows their mean by power."""
     first = members[0]
     if len(members) == 1:
         return first
@@ -91,8 +75,7 @@ def _one(members: list[Any], mixed: dict[str, tuple[tuple[str | None, ...], Floa
     return first.model_copy(update=changes)
 
 
-def profiles_of(case: Case) -> Iterable[str | None]:
-    """Every profile that a device of the case follows."""
-    prices = [name for grid in case.grid for _, name in (grid.import_price, grid.export_price)]
-    followed = [*(t.profile for t in case.load), *(t.profile for t in case.pv), *prices, None]
-    return dict.fromkeys(followed)
+def profiles_of(microgrid: Microgrid) -> Iterable[str | None]:
+    """Every profile that a device of the microgrid follows."""
+    followed = [name for fleet in microgrid.fleets.values() for name in fleet.profiles()]
+    return dict.fromkeys([*followed, None])

@@ -27,6 +27,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.reserve import reserve_price_range
+from resilience.models.components import in_roles
 from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
@@ -40,13 +41,18 @@ def reserve_price(case: Case) -> float:
     """$ per MWh short: the case's own, or the mean of the marginal generator and shedding."""
     if case.reserve_price_per_mwh is not None:
         return case.reserve_price_per_mwh
-    low, high = reserve_price_range(case.generator, case.load)
+    low, high = reserve_price_range(device for tables in case.devices.values() for device in tables)
     return (low + high) / 2.0
 
 
 @dataclass(frozen=True)
 class Reserve:
-    """Rows and data of the reserve of a microgrid at copperplate; its lines are `lines`."""
+    """Rows and data of the reserve of a microgrid.
+
+    Attributes:
+        microgrid: at copperplate.
+        lines: names of the lines that may fail, in the order of probabilities of that.
+    """
 
     microgrid: Microgrid
     lines: tuple[str, ...]
@@ -54,7 +60,7 @@ class Reserve:
     @cached_property
     def storage_bus(self) -> Ints:
         """(units,) bus of the merged graph of every storage unit."""
-        return self.microgrid.at(self.microgrid.case.ess)
+        return self.microgrid.bus_index(self.microgrid.case.ess)
 
     @cached_property
     def buses(self) -> Ints:
@@ -63,13 +69,13 @@ class Reserve:
 
     def emit(self, stage: Stage) -> None:
         """What each bus is short of its reserve, at a price."""
-        of = [self.microgrid.network.bus_names[bus] for bus in self.buses]
-        level = stage.data("reserve.level", of, unit="MWh", about="energy wanted in storage")
-        price = stage.data("reserve.price", of, unit="$/MWh", about="price of being short of it")
-        short = stage.var("reserve.short", of, 0.0, np.inf, unit="MWh", about="short of reserve")
+        names = tuple(self.microgrid.network.bus_names[bus] for bus in self.buses)
+        level = stage.data("reserve.level", names, unit="MWh", about="energy wanted in storage")
+        price = stage.data("reserve.price", names, unit="$/MWh", about="price of being short of it")
+        short = stage.var("reserve.short", names, 0.0, np.inf, unit="MWh", about="short of reserve")
         place = (self.buses[:, None] == self.storage_bus[None, :]).astype(float)
-        held = stage["ess.energy"].mapped(place, tuple(of))
-        stage.le("reserve", level - held, short)
+        stored_mwh = stage["ess.energy"].mapped(place, names)
+        stage.le("reserve", level - stored_mwh, short)
         stage.cost("reserve", short, price)
 
     @cached_property
@@ -88,7 +94,8 @@ class Reserve:
         island = Situation(
             microgrid.case.profile, names, ends, up, microgrid.forming, len(self.lines)
         ).island
-        sources = microgrid.at(microgrid.case.grid)
+        grids = in_roles(microgrid.fleets.values(), "exchange")
+        sources = np.concatenate([np.empty(0, np.intp), *(fleet.bus for fleet in grids)])
         apart = np.all(island[self.buses][:, None] != island[sources][None], axis=1)
         apart[~apart.any(axis=1)] = True
         return np.asarray(apart)
@@ -103,24 +110,22 @@ class Reserve:
 
         From slot `start` on; beyond the horizon its last slot is repeated.
         """
-        at = np.minimum(start + np.arange(slots), self.microgrid.case.slots - 1)
+        ahead = np.minimum(start + np.arange(slots), self.microgrid.case.slots - 1)
         names, peak, generators = self._net_demand
-        values = np.array([forecast(name, at) for name in names]).reshape(len(names), slots)
+        values = np.array([forecast(name, ahead) for name in names]).reshape(len(names), slots)
         return peak @ values - generators[:, None]
 
     @cached_property
     def _net_demand(self) -> tuple[tuple[str | None, ...], Floats, Floats]:
         """Profiles, MW of load less PV following each at every bus, MW of generators there."""
-        case, n = self.microgrid.case, len(self.microgrid.network.bus_names)
-        followed = [*(t.profile for t in case.load), *(t.profile for t in case.pv)]
-        names = tuple(dict.fromkeys(followed))
+        fleets, n = self.microgrid.fleets.values(), len(self.microgrid.network.bus_names)
+        names = tuple(dict.fromkeys(name for fleet in fleets for name, _ in fleet.expected()))
         peak, generators = np.zeros((n, len(names))), np.zeros(n)
-        for bus, load in zip(self.microgrid.at(case.load), case.load, strict=True):
-            peak[bus, names.index(load.profile)] += load.p_max_mw
-        for bus, pv in zip(self.microgrid.at(case.pv), case.pv, strict=True):
-            peak[bus, names.index(pv.profile)] -= pv.p_max_mw
-        for bus, unit in zip(self.microgrid.at(case.generator), case.generator, strict=True):
-            generators[bus] += unit.p_max_mw
+        for fleet in fleets:
+            for bus, (name, fed_mw) in zip(fleet.bus, fleet.expected(), strict=False):
+                peak[bus, names.index(name)] -= fed_mw
+        for fleet in in_roles(fleets, "dispatchable"):
+            np.add.at(generators, fleet.bus, fleet.power_range()[1])
         return names, peak[self.buses], generators[self.buses]
 
     def level(self, lack: Floats, longest: int) -> Floats:
@@ -132,14 +137,14 @@ class Reserve:
             longest: slots of the longest outage.
         """
         case, dt = self.microgrid.case, self.microgrid.case.step_h
-        units = self.buses[:, None] == self.storage_bus[None, :]
-        size = np.array([u.e_mwh for u in case.ess])
-        out = np.array([u.efficiency_discharge for u in case.ess])
-        give = units @ np.array([-u.p_min_mw for u in case.ess])
-        floor, full = (units @ (size * [getattr(u, k) for u in case.ess])
+        at_bus = self.buses[:, None] == self.storage_bus[None, :]
+        size_mwh = np.array([u.e_mwh for u in case.ess])
+        efficiency = np.array([u.efficiency_discharge for u in case.ess])
+        discharge_max = at_bus @ np.array([-u.p_min_mw for u in case.ess])
+        floor, full = (at_bus @ (size_mwh * [getattr(u, k) for u in case.ess])
                        for k in ("soc_min", "soc_max"))  # fmt: skip
-        loss = units @ (size * out) / np.maximum(units @ size, 1e-12)
-        power = np.clip(lack, 0.0, give[:, None])
+        mean_efficiency = at_bus @ (size_mwh * efficiency) / np.maximum(at_bus @ size_mwh, 1e-12)
+        power = np.clip(lack, 0.0, discharge_max[:, None])
         total = np.concatenate([0.0 * power[:, :1], np.cumsum(power, axis=1)], axis=1)
-        energy = dt * (total[:, longest:] - total[:, :-longest]) / loss[:, None]
+        energy = dt * (total[:, longest:] - total[:, :-longest]) / mean_efficiency[:, None]
         return np.minimum(floor[:, None] + energy, full[:, None])

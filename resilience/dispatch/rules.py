@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Bools, Floats, Ints
+from resilience.models.components import in_roles
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 
@@ -15,9 +16,9 @@ class Idle:
     def __init__(self, world: World) -> None:
         self.name = "idle"
 
-    def act(self, seen: Observation) -> Floats:
+    def act(self, observation: Observation) -> Floats:
         """Nothing."""
-        return np.zeros_like(seen.energy)
+        return np.zeros_like(observation.energy)
 
 
 class Greedy:
@@ -34,35 +35,44 @@ class Greedy:
     def __init__(self, world: World, generators_first: bool = False) -> None:
         self.name, self.world, self.generators_first = "greedy", world, generators_first
 
-    def act(self, seen: Observation) -> Floats:
+    def act(self, observation: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
         world, simulator = self.world, self.world.simulator
-        now = world.slot(seen.t)
-        data = now.data
-        low, high = simulator.limits(seen.energy, now.stacked)
-        net = np.zeros(seen.island.shape)
-        loads, plants = world.microgrid.case.load, world.microgrid.case.pv
-        np.add.at(net, world.microgrid.at(loads), data["load.demand"] - data["load.shed_min"])
-        if plants:
-            np.add.at(net, world.microgrid.at(plants), -data["pv.available"])
-        need = self._at_units(net, seen)
-        units = world.microgrid.case.generator
-        if units and self.generators_first:
-            able = np.zeros(seen.island.shape)
-            np.add.at(able, world.microgrid.at(units), data["generator.p_max"])
-            need = np.where(need > 0, np.maximum(need - self._at_units(able, seen), 0.0), need)
-        give, take = self._at_units(-low, seen, True), self._at_units(high, seen, True)
-        share_out = np.minimum(np.maximum(need, 0.0) / np.maximum(give, 1e-12), 1.0)
-        share_in = np.minimum(np.maximum(-need, 0.0) / np.maximum(take, 1e-12), 1.0)
+        now = world.slot(observation.t)
+        low, high = simulator.limits(observation.energy, now.stacked)
+        fleets = world.microgrid.fleets.values()
+        net = np.zeros(observation.island.shape)
+        for fleet in in_roles(fleets, "load"):
+            np.add.at(net, fleet.bus, now.data[fleet.demand] - now.data[fleet.limit])
+        for fleet in in_roles(fleets, "weather"):
+            np.add.at(net, fleet.bus, -now.data[fleet.limit])
+        need = self._at_units(net, observation)
+        if self.generators_first:
+            output_max = np.zeros(observation.island.shape)
+            for fleet in in_roles(fleets, "dispatchable"):
+                np.add.at(output_max, fleet.bus, now.data[fleet.limit])
+            lack = np.maximum(need - self._at_units(output_max, observation), 0.0)
+            need = np.where(need > 0, lack, need)
+        discharge_max = self._over_units(-low, observation)
+        charge_max = self._over_units(high, observation)
+        share_out = np.minimum(np.maximum(need, 0.0) / np.maximum(discharge_max, 1e-12), 1.0)
+        share_in = np.minimum(np.maximum(-need, 0.0) / np.maximum(charge_max, 1e-12), 1.0)
         return low * share_out + high * share_in
 
-    def _at_units(self, values: Floats, seen: Observation, of_units: bool = False) -> Floats:
-        """(units, batch) the sum over the unit's island of values per bus, or per unit."""
-        bus, batch = self.world.simulator.storage_bus, np.arange(seen.island.shape[1])
-        total = np.zeros(seen.island.shape)
-        rows = seen.island[bus] if of_units else seen.island
+    def _at_units(self, values: Floats, observation: Observation) -> Floats:
+        """(units, batch) the sum over the unit's island of values (buses, batch)."""
+        return self._summed(values, observation.island, observation)
+
+    def _over_units(self, values: Floats, observation: Observation) -> Floats:
+        """(units, batch) the sum over the units of the unit's island of values (units, batch)."""
+        islands = observation.island[self.world.simulator.storage_bus]
+        return self._summed(values, islands, observation)
+
+    def _summed(self, values: Floats, rows: Ints, observation: Observation) -> Floats:
+        bus, batch = self.world.simulator.storage_bus, np.arange(observation.island.shape[1])
+        total = np.zeros(observation.island.shape)
         np.add.at(total, (rows, np.broadcast_to(batch, rows.shape)), values)
-        return total[seen.island[bus], batch]
+        return total[observation.island[bus], batch]
 
 
 class Rule:
@@ -80,17 +90,19 @@ class Rule:
         size = np.array([unit.e_mwh for unit in world.microgrid.case.ess])
         self.target = (size * level)[:, None]
 
-    def act(self, seen: Observation) -> Floats:
+    def act(self, observation: Observation) -> Floats:
         """Towards the level with a grid; what generators leave without."""
         simulator = self.world.simulator
-        gap = self.target - seen.energy
+        gap = self.target - observation.energy
         hold = np.where(gap > 0, gap / simulator.gain, gap / simulator.drain)
-        return np.where(self._with_grid(seen), hold, self.islanded.act(seen))
+        return np.where(self._with_grid(observation), hold, self.islanded.act(observation))
 
-    def _with_grid(self, seen: Observation) -> np.ndarray:
+    def _with_grid(self, observation: Observation) -> Bools:
         """(units, batch) whether the unit's island holds a grid connection."""
         microgrid = self.world.microgrid
-        found = np.zeros((len(microgrid.case.ess), seen.island.shape[1]), bool)
-        for bus in microgrid.at(microgrid.case.grid):
-            found |= seen.island[self.world.simulator.storage_bus] == seen.island[bus]
-        return found
+        islands = observation.island[self.world.simulator.storage_bus]
+        has_grid = np.zeros(islands.shape, bool)
+        for fleet in in_roles(microgrid.fleets.values(), "exchange"):
+            for bus in fleet.bus:
+                has_grid |= islands == observation.island[bus]
+        return has_grid

@@ -186,7 +186,7 @@ class WindowProgram:
         steps, merged = self.steps, self.merged
         last = merged.microgrid.case.slots - 1
         slots = np.minimum(request.t + np.arange(steps.horizon), last)
-        followed = [n for n in profiles_of(merged.microgrid.case) if n not in merged.mixed]
+        followed = [n for n in profiles_of(merged.microgrid) if n not in merged.mixed]
         members = [name for names, _ in merged.mixed.values() for name in names]
         means = {
             name: np.add.reduceat(request.forecast(name, slots), steps.starts) / steps.width

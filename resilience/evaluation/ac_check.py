@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Bools, Floats
-from resilience.evaluation.measures.measures import demand
-from resilience.models.network.ac_check import Carried, carry
+from resilience.models.ac_check import Carried, carry
+from resilience.simulation.powers import powers
 from resilience.tolerances import AC_LIMIT_TOLERANCE
 
 if TYPE_CHECKING:
@@ -146,7 +146,12 @@ def ac_check_trajectory(world: World, run: Trajectory) -> TrajectoryACCheck:
         run: what happened.
     """
     case, n = world.microgrid.case, world.scenarios.n
-    power = _powers(world, run)
+    fleets = world.microgrid.fleets
+    power = {
+        name: rows
+        for kind, values in powers(world, run).items()
+        for name, rows in zip(fleets[kind].names, values, strict=True)
+    }
     total = sum(power.values(), np.zeros((case.slots, n)))
     spill = np.zeros_like(total) if run.spill is None else run.spill
     size = max(MEMBERS // max(n, 1), 1)
@@ -165,21 +170,6 @@ def ac_check_trajectory(world: World, run: Trajectory) -> TrajectoryACCheck:
         rated=bool(np.isfinite(case.network.rating_mva).any()),
         step_h=case.step_h,
     )
-
-
-def _powers(world: World, run: Trajectory) -> dict[str, Floats]:
-    """(slots, scenarios) MW fed in by every device, by its name."""
-    case = world.microgrid.case
-    served = demand(world) - run.flow("load.shed")
-    found = {t.name: -served[k] for k, t in enumerate(case.load)}
-    found |= {t.name: run.storage[k] for k, t in enumerate(case.ess)}
-    for kind, tables in (("pv.p", case.pv), ("generator.p", case.generator)):
-        names = [t.name for t in tables]
-        found |= dict(zip(names, run.flow(kind), strict=True))
-    if case.grid:
-        exchange = run.flow("grid.import") - run.flow("grid.export")
-        found |= dict(zip([t.name for t in case.grid], exchange, strict=True))
-    return found
 
 
 def _extreme(values: Floats, choose: Callable[[Floats], Any]) -> float:

@@ -73,7 +73,7 @@ class _BoundProgram:
         self.merged = merged_grid(case) if is_lossless else MergedGrid(world.microgrid, {})
         microgrid = self.merged.microgrid
         tree = Tree.chain([f"t{t}" for t in range(slots)])
-        cuts = terminal_cuts(microgrid.case, world.end_value_per_mwh)
+        cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
         self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
         self.solver = Highs(lower(self.standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)

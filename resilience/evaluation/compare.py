@@ -19,7 +19,7 @@ from resilience.errors import UsageError
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
-from resilience.evaluation.measures.measures import demand, measure
+from resilience.evaluation.measures.measures import measure
 from resilience.evaluation.report import Report
 from resilience.evaluation.runs import proven_bound, run_all
 from resilience.evaluation.saving import check_folder
@@ -35,6 +35,7 @@ from resilience.simulation.forecast import (
     ForecastError,
     sample_outlook,
 )
+from resilience.simulation.powers import demand
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 

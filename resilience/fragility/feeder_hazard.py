@@ -25,6 +25,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
+from resilience.case.schema import LoadTable
 from resilience.earth.sphere import seen_from
 from resilience.files import replacing
 from resilience.fragility import chain
@@ -101,7 +102,7 @@ class Hazard:
         """A row per load, of the sampled storms: how likely and how long it has no source."""
         case, network = self.storm.case, self.storm.case.network
         rows = []
-        for load in case.load:
+        for load in case.tables_of(LoadTable):
             bus = network.bus(load.bus)
             dark = self.likely.dark_by_slot[bus]
             demand_mw = load.p_max_mw * case.profile(load.profile)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.schema import GridTable
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 
@@ -119,7 +120,7 @@ def _patterns(case: Case, scenarios: Scenarios) -> _Patterns:
     situation = microgrid.situation(up)
     island = situation.island[microgrid.bus_of]
     sources = np.zeros((int(island.max(initial=0)) + 1, len(first)), bool)
-    for bus in microgrid.at(case.grid).tolist():
+    for bus in microgrid.bus_index(case.tables_of(GridTable)).tolist():
         sources[situation.island[bus], np.arange(len(first))] = True
     return _Patterns(
         up, number.reshape(scenarios.slots, scenarios.n), island,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Bools, Floats
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
@@ -21,7 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CaseProgram:
-    """The problem in numbers together with what it was made from."""
+    """A program together with what it was made from.
+
+    Attributes:
+        microgrid: the case at a level of physics.
+        standard: the program in standard form.
+        situation: profiles, line status and islands in every slot.
+        data: every datum of every component, (labels, slots).
+        x0: every state at the start, (labels,).
+    """
 
     microgrid: Microgrid
     standard: Standard
@@ -39,8 +47,12 @@ class CaseProgram:
         """The case it was made from."""
         return self.microgrid.case
 
+    def values(self, name: str, z: Floats) -> Floats:
+        """(labels, slots) a variable at the point z, or a datum."""
+        return z[self.standard.columns(name)] if self.standard.has(name) else self.data[name]
 
-def status(case: Case) -> np.ndarray:
+
+def status(case: Case) -> Bools:
     """(lines, slots) False where one of the case's outages has a line down."""
     up = np.ones((len(case.network.line_names), case.slots), bool)
     for outage in case.outages:
@@ -48,17 +60,21 @@ def status(case: Case) -> np.ndarray:
     return up
 
 
-def terminal_cuts(case: Case, value_per_mwh: float | None = None) -> list[Cut]:
+def terminal_cuts(microgrid: Microgrid, value_per_mwh: float | None = None) -> list[Cut]:
     """The worth of energy in storage at the end, as a cut on the cost behind the horizon.
 
     Args:
-        case: the case.
+        microgrid: has the storage.
         value_per_mwh: $ per MWh; the case's terminal value if omitted.
     """
-    value = case.terminal_value_per_mwh if value_per_mwh is None else value_per_mwh
-    if not value or not case.ess:
-        return []
-    return [Cut(0.0, {"ess.energy": np.full(len(case.ess), -value)})]
+    if value_per_mwh is None:
+        value_per_mwh = microgrid.case.terminal_value_per_mwh
+    slopes = {
+        fleet.stored: np.full(len(fleet.tables), -value_per_mwh)
+        for fleet in microgrid.fleets.values()
+        if fleet.stored is not None
+    }
+    return [Cut(0.0, slopes)] if value_per_mwh and slopes else []
 
 
 def terminal_credit(case: Case, energy: Floats) -> Floats:
@@ -78,7 +94,7 @@ def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
     """The whole horizon of the case, its outages known in advance."""
     microgrid = Microgrid.of(case, physics)
     labels = [case.slot_label(t) for t in range(case.slots)]
-    standard = unroll([microgrid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
+    standard = unroll([microgrid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(microgrid))
     situation = microgrid.situation(status(case))
     return CaseProgram(microgrid, standard, situation, microgrid.data(situation), microgrid.start())
 
@@ -89,6 +105,6 @@ def as_switched(program: CaseProgram, z: Floats) -> Situation:
     if not standard.has("line.closed"):
         return situation
     up = situation.line_up.copy()
-    at = [situation.names.index(name) for name in standard.labels("line.closed")]
-    up[at] = z[standard.columns("line.closed")] > 0.5
+    rows = [situation.names.index(name) for name in standard.labels("line.closed")]
+    up[rows] = z[standard.columns("line.closed")] > 0.5
     return replace(situation, line_up=up)

@@ -12,9 +12,15 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
-from resilience.models import components as parts
 from resilience.models.algebra import Affine, stack
-from resilience.models.components import Component, Injection
+from resilience.models.components import (
+    Buses,
+    Component,
+    DeviceFleet,
+    Lines,
+    Topology,
+    device_fleets,
+)
 from resilience.models.language.stage import Stage
 from resilience.models.network.graph import bundle, closable, cycle, exchange, merge
 from resilience.models.network.islands import Islands
@@ -22,7 +28,7 @@ from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network
-    from resilience.case.schema import ESSTable, GeneratorTable, GridTable
+    from resilience.case.schema import DeviceTable
 
 Physics = Literal["copperplate", "lindistflow", "distflow"]
 PHYSICS: tuple[Physics, ...] = get_args(Physics)
@@ -34,9 +40,12 @@ class Microgrid:
     """A case at one level of physics.
 
     Attributes:
+        case: devices, horizon and outages.
+        physics: the level.
         network: only lines that can be closed; merged where the physics allows it.
-        bus_of: index in `network` of every bus of the case, (buses of the case,).
-        lines_of: index in the case's network of every line of `network`.
+        bus_of: (buses of the case,) index in `network` of every bus of the case.
+        lines_of: (lines,) index in the case's network of every line of `network`.
+        fallible: (lines,) lines that data may take out.
     """
 
     case: Case
@@ -65,10 +74,9 @@ class Microgrid:
         fallible = _fallible(network, hit)
         bus_of = np.arange(len(network.bus_names))
         if physics == "copperplate":
-            whole = network
-            network, bus_of = merge(whole, fallible)
-            kept = np.isin(whole.line_names, network.line_names)
-            lines_of, fallible = lines_of[kept], fallible[kept]
+            merged, bus_of = merge(network, fallible)
+            remains = np.isin(network.line_names, merged.line_names)
+            network, lines_of, fallible = merged, lines_of[remains], fallible[remains]
         elif loop := cycle(network):
             raise UsageError(
                 f"physics {physics!r} needs a radial feeder, but these closed lines form a cycle: "
@@ -77,22 +85,22 @@ class Microgrid:
             )
         return cls(case, physics, network, bus_of, lines_of, fallible)
 
-    def at(self, tables: Iterable[object]) -> Ints:
-        """Bus index of every device."""
-        names = [self.case.network.bus(t.bus) for t in tables]  # type: ignore[attr-defined]
-        return self.bus_of[np.asarray(names, np.intp)]
+    def bus_index(self, tables: Iterable[DeviceTable]) -> Ints:
+        """(devices,) index in `network` of the bus of every device."""
+        return self.bus_of[np.array([self.case.network.bus(t.bus) for t in tables], np.intp)]
+
+    @cached_property
+    def fleets(self) -> dict[str, DeviceFleet]:
+        """The devices of the case by kind; kinds of which it has none are left out."""
+        return device_fleets(self.case, self.bus_of)
 
     @cached_property
     def forming(self) -> Bools:
         """(buses,) whether a grid-forming unit stands there."""
-        case, found = self.case, np.zeros(len(self.network.bus_names), bool)
-        units: list[ESSTable | GeneratorTable | GridTable] = [
-            *case.ess,
-            *case.generator,
-            *case.grid,
-        ]
-        found[self.at([t for t in units if t.grid_forming])] = True
-        return found
+        forming = np.zeros(len(self.network.bus_names), bool)
+        for fleet in self.fleets.values():
+            forming[fleet.bus[fleet.forming()]] = True
+        return forming
 
     @cached_property
     def islands(self) -> Islands:
@@ -102,25 +110,12 @@ class Microgrid:
     @cached_property
     def components(self) -> tuple[Component, ...]:
         """Everything that emits into the stage, voltages and switches included."""
-        case = self.case
-        fleets: list[Component] = []
-        if case.load:
-            fleets.append(parts.Loads(case.load, self.at(case.load)))
-        if case.pv:
-            fleets.append(parts.PV(case.pv, self.at(case.pv)))
-        if case.ess:
-            fleets.append(parts.ESS(case.ess, self.at(case.ess)))
-        if case.generator:
-            fleets.append(parts.Generators(case.generator, self.at(case.generator)))
-        if case.grid:
-            fleets.append(parts.Grids(case.grid, self.at(case.grid)))
-        if len(self.network.bus_names) > 1:
-            fleets += self._wires()
-        return tuple(fleets)
+        wires = self._wires() if len(self.network.bus_names) > 1 else []
+        return (*self.fleets.values(), *wires)
 
     def _wires(self) -> list[Component]:
-        network, wired = self.network, self.physics != "copperplate"
-        lines = parts.Lines(
+        network = self.network
+        lines = Lines(
             names=network.line_names,
             from_bus=network.from_bus,
             to_bus=network.to_bus,
@@ -135,58 +130,46 @@ class Microgrid:
             v_band=(float(network.v_min_pu.min()), float(network.v_max_pu.max())),
             losses=self.physics == "distflow",
         )
-        found: list[Component] = [lines]
-        if wired:
-            found.insert(0, self._buses())
-        if network.switchable.any():
-            found.append(parts.Topology(lines, network.bus_names, self.forming))
-        return found
+        voltages = [] if self.physics == "copperplate" else [self._buses()]
+        switches = (
+            [Topology(lines, network.bus_names, self.forming)] if network.switchable.any() else []
+        )
+        return [*voltages, lines, *switches]
 
-    def _buses(self) -> parts.Buses:
+    def _buses(self) -> Buses:
         low, high = self.network.v_min_pu.copy(), self.network.v_max_pu.copy()
-        for bus, table in zip(self.at(self.case.grid), self.case.grid, strict=True):
-            low[bus] = high[bus] = table.v_pu
-        return parts.Buses(self.network.bus_names, low, high)
+        for fleet in self.fleets.values():
+            voltage = fleet.voltage_pu()
+            holds = np.isfinite(voltage)
+            low[fleet.bus[holds]] = high[fleet.bus[holds]] = voltage[holds]
+        return Buses(self.network.bus_names, low, high)
 
     def _capacity(self) -> tuple[Floats, Floats]:
         """(buses,) most that devices can feed in and take, MVA, reactive power included."""
-        case, n = self.case, len(self.network.bus_names)
-        supply, demand = np.zeros(n), np.zeros(n)
-        for load, bus in zip(case.load, self.at(case.load), strict=True):
-            demand[bus] += load.p_max_mw / load.power_factor
-        for pv, bus in zip(case.pv, self.at(case.pv), strict=True):
-            supply[bus] += max(pv.p_max_mw, pv.s_mva or 0.0)
-            demand[bus] += pv.s_mva or 0.0
-        for ess, bus in zip(case.ess, self.at(case.ess), strict=True):
-            supply[bus] += max(-ess.p_min_mw, ess.s_mva or 0.0)
-            demand[bus] += max(ess.p_max_mw, ess.s_mva or 0.0)
-        for unit, bus in zip(case.generator, self.at(case.generator), strict=True):
-            supply[bus] += unit.p_max_mw + max(unit.q_max_mvar, 0.0)
-            demand[bus] += max(-unit.q_min_mvar, 0.0)
-        for grid, bus in zip(case.grid, self.at(case.grid), strict=True):
-            q = grid.import_max_mw if grid.q_max_mvar is None else grid.q_max_mvar
-            supply[bus] += grid.import_max_mw + q
-            demand[bus] += grid.export_max_mw + q
-        return supply, demand
+        total = np.zeros((2, len(self.network.bus_names)))
+        for fleet in self.fleets.values():
+            for sums, values in zip(total, fleet.capacity(), strict=True):
+                np.add.at(sums, fleet.bus, values)
+        return total[0], total[1]
 
     def stage(self, dt: float) -> Stage:
         """One step of `dt` hours: all components, and `balance` of power at every bus."""
         stage = Stage(dt, reactive=self.physics != "copperplate")
-        fed = [found for c in self.components if (found := c.emit(stage)) is not None]
-        balances = {"balance.p": [i.p for i in fed]}
+        fed = [power for c in self.components if (power := c.emit(stage)) is not None]
+        stage.eq("balance.p", self._at_buses([(i.p, i.bus) for i in fed]))
         if stage.reactive:
-            balances["balance.q"] = [i.q for i in fed if i.q is not None]
-        for name, powers in balances.items():
-            stage.eq(name, self._at_buses(powers, fed))
+            reactive = [(i.q, i.bus) for i in fed if i.q is not None]
+            stage.eq("balance.q", self._at_buses(reactive))
         return stage
 
-    def _at_buses(self, powers: list[Affine], fed: list[Injection]) -> Affine:
-        bus = np.concatenate([i.bus for i in fed])
+    def _at_buses(self, injections: list[tuple[Affine, Ints]]) -> Affine:
+        """(buses,) the sum of powers (devices,) at the buses where the devices stand."""
+        bus = np.concatenate([bus for _, bus in injections])
         place = sp.csc_array(
             (np.ones(len(bus)), (bus, np.arange(len(bus)))),
             shape=(len(self.network.bus_names), len(bus)),
         )
-        return stack(powers).mapped(place, self.network.bus_names)
+        return stack([power for power, _ in injections]).mapped(place, self.network.bus_names)
 
     def situation(
         self, line_up: Bools, profile: Callable[[str | None], Floats] | None = None

@@ -13,10 +13,17 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
-from resilience.case.schema import DeviceTable
 from resilience.errors import UsageError
+from resilience.models.ac_check import (
+    FormingUnits,
+    at_buses,
+    carriers,
+    connected,
+    forming_units,
+    held_voltages,
+)
 from resilience.models.case_program import status
-from resilience.models.network.ac_check import at_buses, carriers, connected, power_range
+from resilience.models.components import DeviceFleet, device_fleets
 from resilience.models.network.powerflow import Flow, flow
 from resilience.planning.plan import Plan
 from resilience.tolerances import AC_LIMIT_TOLERANCE
@@ -63,8 +70,8 @@ class PlanACCheck:
     @property
     def ok(self) -> bool:
         """Every slot has a solution and no limit is exceeded."""
-        found = (self.undervoltage, self.overvoltage, self.overload, self.root)
-        within = all(worst is None or worst.excess <= AC_LIMIT_TOLERANCE for worst in found)
+        limits = (self.undervoltage, self.overvoltage, self.overload, self.root)
+        within = all(worst is None or worst.excess <= AC_LIMIT_TOLERANCE for worst in limits)
         return within and not self.not_converged
 
     def summary(self) -> dict[str, Any]:
@@ -75,7 +82,7 @@ class PlanACCheck:
             "ok": self.ok,
             "slots": self.slots,
             "not_converged": list(self.not_converged),
-            **{name: None if found is None else asdict(found) for name, found in worst.items()},
+            **{name: slot and asdict(slot) for name, slot in worst.items()},
             "loss_mwh": self.loss_mwh,
             "plan_loss_mwh": self.plan_loss_mwh,
             "unfunded_mwh": self.unfunded_mwh,
@@ -94,23 +101,25 @@ def ac_check_plan(plan: Plan) -> PlanACCheck:
     if plan.case is None:
         raise UsageError("a plan without its case has no network", hint="solve the case again")
     case = plan.case
-    situation = connected(case, _closed(plan, case))
-    units, chosen = carriers(case, situation)
-    root = at_buses(case, units, chosen) > 0
-    p, q = _injections(plan, case)
-    found = flow(case.network, p, q, situation.line_up, root, _held(plan, case, root))
-    solved = found.converged
-    loss = float(found.loss_mw[solved].sum()) * case.step_h
+    fleets = list(device_fleets(case).values())
+    situation, units = connected(case, _closed(plan, case)), forming_units(fleets)
+    chosen = carriers(case, units, situation)
+    root = at_buses(case, units.bus, chosen) > 0
+    p, q = _injections(plan, case, fleets)
+    volts = _held_voltages(plan, case, fleets)
+    solution = flow(case.network, p, q, situation.line_up, root, volts)
+    solved = solution.converged
+    loss = float(solution.loss_mw[solved].sum()) * case.step_h
     planned = float(p[:, solved].sum()) * case.step_h
     return PlanACCheck(
         slots=case.slots,
         not_converged=tuple(case.slot_label(int(t)) for t in np.flatnonzero(~solved)),
-        **_limits(case, found),
-        root=_beyond(plan, case, found, units, chosen),
+        **_limits(case, solution),
+        root=_worst_root(plan, case, solution, units, chosen),
         loss_mwh=loss,
         plan_loss_mwh=planned,
         unfunded_mwh=loss - planned,
-        flow=found,
+        flow=solution,
     )
 
 
@@ -125,40 +134,38 @@ def _closed(plan: Plan, case: Case) -> Bools:
     return up
 
 
-def _injections(plan: Plan, case: Case) -> tuple[Floats, Floats]:
+def _injections(plan: Plan, case: Case, fleets: list[DeviceFleet]) -> tuple[Floats, Floats]:
     """(buses, slots) active and reactive power that the plan feeds in."""
     power, q = plan.tables["power"], np.zeros((len(case.network.bus_names), case.slots))
-    devices: dict[str, DeviceTable] = {
-        t.name: t for t in (*case.load, *case.pv, *case.ess, *case.generator, *case.grid)
+    bus_of = {
+        name: bus for fleet in fleets for name, bus in zip(fleet.names, fleet.bus, strict=True)
     }
-    p = at_buses(case, [devices[name] for name in power.labels], power.values)
-    if case.load:
-        slope = np.array([np.tan(np.arccos(load.power_factor)) for load in case.load])
-        served = np.array([power[load.name] for load in case.load])
-        q += at_buses(case, case.load, slope[:, None] * served)
+    p = at_buses(case, np.array([bus_of[name] for name in power.labels], np.intp), power.values)
+    for fleet in fleets:
+        fed = np.array([power[name] for name in fleet.names])
+        q += at_buses(case, fleet.bus, fleet.reactive_per_mw()[:, None] * fed)
     if "reactive" in plan.tables:
         table = plan.tables["reactive"]
-        q += at_buses(case, [devices[name] for name in table.labels], table.values)
+        bus = np.array([bus_of[name] for name in table.labels], np.intp)
+        q += at_buses(case, bus, table.values)
     return p, q
 
 
-def _held(plan: Plan, case: Case, root: Bools) -> Floats:
+def _held_voltages(plan: Plan, case: Case, fleets: list[DeviceFleet]) -> Floats:
     """(buses, slots) voltage to hold where a bus is a root, pu."""
-    held = np.ones(root.shape)
-    for grid in case.grid:
-        held[case.network.bus(grid.bus)] = grid.v_pu
+    volts = np.tile(held_voltages(case, fleets)[:, None], case.slots)
     if "voltage" in plan.tables:
         table = plan.tables["voltage"]
-        at: Ints = np.array([case.network.bus(name) for name in table.labels], np.intp)
-        held[at] = table.values
-    return held
+        bus: Ints = np.array([case.network.bus(name) for name in table.labels], np.intp)
+        volts[bus] = table.values
+    return volts
 
 
-def _limits(case: Case, found: Flow) -> dict[str, WorstSlot | None]:
-    network, v = case.network, found.v_pu
+def _limits(case: Case, solution: Flow) -> dict[str, WorstSlot | None]:
+    network, v = case.network, solution.v_pu
     low, high = network.v_min_pu[:, None], network.v_max_pu[:, None]
     rated = np.flatnonzero(np.isfinite(network.rating_mva))
-    loading, rating = found.s_line_mva[rated], network.rating_mva[rated, None]
+    loading, rating = solution.s_line_mva[rated], network.rating_mva[rated, None]
     names = [network.line_names[k] for k in rated]
     return {
         "undervoltage": _worst(case, network.bus_names, v, low, low - v),
@@ -167,19 +174,17 @@ def _limits(case: Case, found: Flow) -> dict[str, WorstSlot | None]:
     }
 
 
-def _beyond(
-    plan: Plan, case: Case, found: Flow, units: list[Any], chosen: Bools
+def _worst_root(
+    plan: Plan, case: Case, solution: Flow, units: FormingUnits, chosen: Bools
 ) -> WorstSlot | None:
     """The unit that has to give or take most beyond its range to carry its island."""
-    if not units:
+    if not units.names:
         return None
-    bus = [case.network.bus(unit.bus) for unit in units]
-    planned = np.array([plan.tables["power"][unit.name] for unit in units])
-    given = np.where(chosen, planned + found.p_root_mw[bus], np.nan)
-    least, most = np.array([power_range(unit) for unit in units]).T[:, :, None]
-    limit = np.where(given - most > least - given, most, least)
-    names = [unit.name for unit in units]
-    return _worst(case, names, given, limit, np.maximum(given - most, least - given))
+    planned = np.array([plan.tables["power"][name] for name in units.names])
+    fed = np.where(chosen, planned + solution.p_root_mw[units.bus], np.nan)
+    least, most = units.least_mw[:, None], units.most_mw[:, None]
+    limit = np.where(fed - most > least - fed, most, least)
+    return _worst(case, units.names, fed, limit, np.maximum(fed - most, least - fed))
 
 
 def _worst(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,12 +10,14 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.models.case_program import CaseProgram, terminal_credit
+from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
 from resilience.planning.scenario_program import ScenarioProgram
 from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
 from resilience.planning.two_stage.lshaped import TwoStageSolution
+from resilience.simulation.powers import powers
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 
@@ -51,7 +54,7 @@ class ScenarioOutcomes:
         """Where the worst violation is."""
         return self.where[max(self.audit, key=lambda k: self.audit[k])] if self.audit else ""
 
-    def at(self, index: Ints) -> ScenarioOutcomes:
+    def selected(self, index: Ints) -> ScenarioOutcomes:
         """The outcomes of some of the scenarios, or of each several times."""
         arrays = {
             name: getattr(self, name)[..., index]
@@ -62,101 +65,105 @@ class ScenarioOutcomes:
 
 def device_names(case: Case) -> tuple[str, ...]:
     """Devices in the order of `ScenarioOutcomes.power`."""
-    fleets = (case.generator, case.pv, case.ess, case.grid, case.load)
-    return tuple(device.name for fleet in fleets for device in fleet)
+    return tuple(name for fleet in ordered(device_fleets(case).values()) for name in fleet.names)
 
 
-def of_plan(
-    program: ScenarioProgram, solved: TwoStageSolution
+def ordered(fleets: Iterable[DeviceFleet]) -> list[DeviceFleet]:
+    """Fleets in the order of `ScenarioOutcomes.power`."""
+    return in_roles(fleets, "dispatchable", "weather", "storage", "exchange", "load")
+
+
+def planned_outcomes(
+    program: ScenarioProgram, solution: TwoStageSolution
 ) -> tuple[ScenarioOutcomes, dict[str, SlotTable]]:
-    """What happens in every storm of a two-stage plan, audited, and the tables of its trunk."""
-    case, full, n = program.microgrid.case, program.full(), program.distinct.n
-    shape = (case.slots, n)
-    found = ScenarioOutcomes(
-        np.empty(n),
-        np.empty(n),
-        device_names(case),
-        np.empty((len(device_names(case)), *shape)),
-        np.empty((len(case.ess), *shape)),
-        np.zeros((len(case.load), *shape)),
-    )
-    for k in range(n):
+    """What happens in every scenario of a two-stage plan, audited, and the tables of its trunk."""
+    full, trunk = program.full(), program.trunk
+    outcomes = _blank(program.microgrid.case, program.distinct.n)
+    for k in range(program.distinct.n):
         storm = program.program_of(k, full)
-        z = settle(full, whole_point(program, solved, k, full), storm.vectors)
-        _take(found, k, storm, z)
+        z = settle(full, scenario_point(program, solution, k, full), storm.vectors)
+        _record(outcomes, k, storm, z)
         checked = audit(full, z, storm.vectors)
         for name, violation in checked.worst.items():
-            if violation >= found.audit.get(name, -1.0):
-                found.audit[name] = violation
-                found.where[name] = (
-                    f"{checked.where[name]} in scenario {program.distinct.number[k]}"
-                )
-    trunk = program.trunk
-    tables = tabulate(trunk, settle(trunk.standard, solved.trunk.copy(), trunk.vectors))
-    return found, tables
+            if violation >= outcomes.audit.get(name, -1.0):
+                outcomes.audit[name] = violation
+                place = f"{checked.where[name]} in scenario {program.distinct.number[k]}"
+                outcomes.where[name] = place
+    z_trunk = settle(trunk.standard, solution.trunk.copy(), trunk.vectors)
+    return outcomes, tabulate(trunk, z_trunk)
 
 
-def whole_point(
-    program: ScenarioProgram, solved: TwoStageSolution, storm: int, full: Standard
+def _blank(case: Case, n: int) -> ScenarioOutcomes:
+    """Room for n scenarios."""
+    names, shape = device_names(case), (case.slots, n)
+    fleets = device_fleets(case).values()
+    units, loads = (sum(len(f.tables) for f in in_roles(fleets, r)) for r in ("storage", "load"))
+    return ScenarioOutcomes(
+        operating_cost=np.empty(n),
+        terminal_credit=np.empty(n),
+        devices=names,
+        power=np.empty((len(names), *shape)),
+        energy=np.empty((units, *shape)),
+        shed=np.zeros((loads, *shape)),
+    )
+
+
+def scenario_point(
+    program: ScenarioProgram, solution: TwoStageSolution, scenario: int, full: Standard
 ) -> Floats:
-    """A storm's trunk and chain as one point of the whole horizon."""
+    """A scenario's trunk and branch as one point of the whole horizon, a program `full`.
+
+    The trunk's slots come from the common first stage as far as the scenario follows it; those
+    after it from the scenario's own branch, whose program counts its slots from `offset` on.
+    """
     two, trunk = program.two_stage, program.two_stage.trunk
-    first, own = own_columns(two.first), own_columns(full)
-    z, chain = np.zeros(full.n_columns), int(program.chain[storm])
-    leaves = min(int(program.leaves[storm]), trunk)
-    z[: full.n_states] = solved.trunk[: full.n_states]
+    trunk_columns, full_columns = own_columns(two.first), own_columns(full)
+    z, chain = np.zeros(full.n_columns), int(program.chain[scenario])
+    leaves = min(int(program.leaves[scenario]), trunk)
+    z[: full.n_states] = solution.trunk[: full.n_states]
     for t in range(leaves):
-        z[own[t]] = solved.trunk[first[t]]
+        z[full_columns[t]] = solution.trunk[trunk_columns[t]]
     if chain < 0:
-        z[full.future[0]] = solved.trunk[two.first.future[0]]
+        z[full.future[0]] = solution.trunk[two.first.future[0]]
         return z
-    standard, point = two.programs[two.chains[chain].program], solved.points[chain]
-    inside = own_columns(standard)[two.chains[chain].offset :]
-    for t, columns in enumerate(inside, leaves):
-        z[own[t]] = point[columns]
+    standard, point = two.programs[two.chains[chain].program], solution.points[chain]
+    branch_columns = own_columns(standard)[two.chains[chain].offset :]
+    for t, columns in enumerate(branch_columns, leaves):
+        z[full_columns[t]] = point[columns]
     z[full.future[0]] = point[standard.future[0]]
     return z
 
 
-def _take(found: ScenarioOutcomes, k: int, program: CaseProgram, z: Floats) -> None:
-    standard, case = program.standard, program.case
+def _record(outcomes: ScenarioOutcomes, k: int, program: CaseProgram, z: Floats) -> None:
+    """Writes what the point z of a scenario's program means into column k of the outcomes."""
+    case, fleets = program.case, ordered(program.microgrid.fleets.values())
 
-    def values(name: str, there: object) -> Floats:
-        return z[standard.columns(name)] if there else np.empty((0, case.slots))
+    def values(name: str) -> Floats:
+        return program.values(name, z)
 
-    shed = values("load.shed", case.load)
-    demand = program.data["load.demand"] if case.load else shed
-    found.power[:, :, k] = np.concatenate(
-        [
-            values("generator.p", case.generator),
-            values("pv.p", case.pv),
-            values("ess.discharge", case.ess) - values("ess.charge", case.ess),
-            values("grid.import", case.grid) - values("grid.export", case.grid),
-            shed - demand,
-        ]
+    nothing = np.empty((0, case.slots))
+    outcomes.power[:, :, k] = np.concatenate([nothing, *(f.power(values) for f in fleets)])
+    outcomes.energy[:, :, k] = np.concatenate(
+        [nothing, *(values(f.stored) for f in fleets if f.stored is not None)]
     )
-    found.energy[:, :, k] = values("ess.energy", case.ess)
-    found.shed[:, :, k] = shed
-    terms = standard.cost_terms(z, program.data)
-    found.operating_cost[k] = sum(float(spent.sum()) for spent in terms.values())
-    found.terminal_credit[k] = terminal_credit(case, found.energy[:, :, k])
+    outcomes.shed[:, :, k] = np.concatenate(
+        [nothing, *(values(f.shed) for f in in_roles(fleets, "load"))]
+    )
+    terms = program.standard.cost_terms(z, program.data)
+    outcomes.operating_cost[k] = sum(float(spent.sum()) for spent in terms.values())
+    outcomes.terminal_credit[k] = terminal_credit(case, outcomes.energy[:, :, k])
 
 
-def of_run(world: World, run: Trajectory) -> ScenarioOutcomes:
+def simulated_outcomes(world: World, trajectory: Trajectory) -> ScenarioOutcomes:
     """What happened in every scenario of a simulation."""
-    case = world.microgrid.case
-
-    def flow(kind: str) -> Floats:
-        return run.flow(kind)
-
-    every = np.arange(case.slots)
-    shed = flow("load.shed")
-    demand = np.array([t.p_max_mw * world.profile(t.profile, every) for t in case.load])
-    power = [flow("generator.p"), flow("pv.p"), run.storage]
-    power += [flow("grid.import") - flow("grid.export")]
-    power += [shed - demand.reshape(shed.shape)]
-    energy = run.energy[:, 1:]
-    credit = terminal_credit(case, energy)
+    case, power = world.microgrid.case, powers(world, trajectory)
+    fleets = ordered(world.microgrid.fleets.values())
+    energy = trajectory.energy[:, 1:]
     return ScenarioOutcomes(
-        run.cost.sum(0), credit, device_names(case), np.concatenate(power), energy, shed
+        operating_cost=trajectory.cost.sum(0),
+        terminal_credit=terminal_credit(case, energy),
+        devices=device_names(case),
+        power=np.concatenate([power[fleet.kind] for fleet in fleets]),
+        energy=energy,
+        shed=trajectory.shed,
     )

@@ -26,7 +26,7 @@ from resilience.planning.records import (
     read_tables,
     write_plan,
 )
-from resilience.planning.tables import UNITS
+from resilience.planning.tables import table_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,7 +108,7 @@ class Plan(CertifiedPlan):
         return self.horizon.times(slots)
 
     def frame(self, name: str) -> pd.DataFrame:
-        """One table as a DataFrame indexed by time; see `UNITS` for names and units.
+        """One table as a DataFrame indexed by time; see `table_units` for names and units.
 
         Raises:
             UsageError: the plan has no such table.
@@ -169,7 +169,7 @@ def load_plan(folder: str | Path) -> Plan:
         horizon=Horizon(summary["start"], summary["step_min"]),
         notes=summary["notes"],
         seconds_by_phase=summary["seconds_by_phase"],
-        tables=read_tables(root, {name: name for name in UNITS}),
+        tables=read_tables(root, {name: name for name in table_units()}),
         case=case,
         energy_mwh=summary["energy_mwh"],
         shed_mwh=summary["shed_mwh"],

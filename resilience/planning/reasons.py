@@ -6,7 +6,11 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
+from resilience.models.components import DeviceFleet, in_roles
 from resilience.tolerances import AT_LIMIT_TOLERANCE
+
+POLYGON_SHARE = 0.96  # of its rating at which an inverter stands at it, however coarse its polygon
+RATING_SHARE = 0.999  # the same of a line
 
 REASONS = {
     "no source": "its island has no grid-forming unit",
@@ -24,23 +28,22 @@ REASONS = {
 
 def shed_reasons(program: CaseProgram, z: Floats) -> dict[str, dict[str, float]]:
     """MWh shed per load and reason, {load: {reason: MWh}}; loads that are served are left out."""
-    standard, case = program.standard, program.case
-    if not case.load:
+    loads = in_roles(program.microgrid.fleets.values(), "load")
+    if not loads:
         return {}
-    shed = z[standard.columns("load.shed")]
-    island = as_switched(program, z).island[program.microgrid.at(case.load)]
-    causes = _causes(program, z)
-    found: dict[str, dict[str, float]] = {}
-    for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE):
-        table = case.load[int(i)]
-        reason = _reason(causes, int(island[i, t]), int(t), table.block)
-        mwh = float(shed[i, t]) * case.step_h
-        by_reason = found.setdefault(table.name, {})
-        by_reason[reason] = by_reason.get(reason, 0.0) + mwh
-    return found
+    islands, causes = as_switched(program, z).island, _causes(program, z)
+    reasons: dict[str, dict[str, float]] = {}
+    for fleet in loads:
+        shed, island, whole = program.values(fleet.shed, z), islands[fleet.bus], fleet.whole()
+        for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE):
+            reason = _reason(causes, int(island[i, t]), int(t), bool(whole[i]))
+            mwh = float(shed[i, t]) * program.case.step_h
+            by_reason = reasons.setdefault(fleet.names[int(i)], {})
+            by_reason[reason] = by_reason.get(reason, 0.0) + mwh
+    return reasons
 
 
-def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
+def _reason(causes: dict[str, Bools], island: int, t: int, whole: bool) -> str:
     if causes["dead"][island, t]:
         return "no source"
     if causes["bound"][island, t]:
@@ -48,86 +51,77 @@ def _reason(causes: dict[str, Bools], island: int, t: int, block: bool) -> str:
     for reason in ("reactive", "saved", "voltage", "rating"):
         if causes[reason][island, t]:
             return reason
-    return "block" if block else "price"
+    return "block" if whole else "price"
 
 
 def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     """(islands, slots) what is true of every island: see the names used in `_reason`."""
-    microgrid, situation = program.microgrid, as_switched(program, z)
+    network, situation = program.microgrid.network, as_switched(program, z)
+    fleets = program.microgrid.fleets.values()
     shape = (int(situation.island.max()) + 1, situation.n)
 
-    def some(at: Ints, holds: Bools) -> Bools:
-        """Islands in which `holds` (devices, slots) is true of any device at the buses `at`."""
-        found = np.zeros(shape, bool)
-        places = situation.island[at]
+    def in_islands(bus: Ints, holds: Bools) -> Bools:
+        """Islands in which `holds` (devices, slots) is true of any device at the buses."""
+        islands = np.zeros(shape, bool)
+        places = situation.island[bus]
         slots = np.broadcast_to(np.arange(situation.n), places.shape)
-        np.logical_or.at(found, (places, slots), holds)
-        return found
+        np.logical_or.at(islands, (places, slots), holds)
+        return islands
 
-    spare, empty, saved = (np.zeros(shape, bool) for _ in range(3))
-    for at, full, starved in _sources(program, z):
-        spare |= some(at, ~(full | starved))
-        empty |= some(at, starved & ~full)
-    if program.case.ess:
-        at, full, starved = _sources(program, z)[-1]
-        later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
-        saved = some(at, ~(full | starved) & later)
+    spare, empty, saved, asks, room = (np.zeros(shape, bool) for _ in range(5))
+    for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage"):
+        full, starved = _source(program, z, fleet)
+        spare |= in_islands(fleet.bus, ~(full | starved))
+        empty |= in_islands(fleet.bus, starved & ~full)
+        room |= in_islands(*_reactive_room(program, z, fleet))
+        if fleet.role == "storage":
+            later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
+            saved |= in_islands(fleet.bus, ~(full | starved) & later)
+    for fleet in in_roles(fleets, "load"):
+        asks |= in_islands(fleet.bus, _asks_reactive(program, fleet))
     buses = np.arange(len(situation.forming))
     lowest, highest = _voltage_limits(program, z)
     return {
-        "dead": some(buses, situation.alive < 0.5),
+        "dead": in_islands(buses, situation.alive < 0.5),
         "bound": ~spare,
         "empty": empty,
-        "reactive": some(microgrid.at(program.case.load), _asks_reactive(program))
-        & ~some(*_reactive_room(program, z)),
+        "reactive": asks & ~room,
         "saved": saved,
-        "voltage": some(buses, lowest) & some(buses, highest),
-        "rating": some(microgrid.network.from_bus, _at_rating(program, z)),
+        "voltage": in_islands(buses, lowest) & in_islands(buses, highest),
+        "rating": in_islands(network.from_bus, _at_rating(program, z)),
     }
 
 
-def _sources(program: CaseProgram, z: Floats) -> list[tuple[Ints, Bools, Bools]]:
-    """Per fleet: bus of every device, whether it feeds all it can, whether it has no energy.
-
-    Storage comes last.
-    """
-    standard, case, microgrid = program.standard, program.case, program.microgrid
-    upper = program.vectors.upper
-    found: list[tuple[Ints, Bools, Bools]] = []
-    fleets = (("pv.p", case.pv), ("generator.p", case.generator), ("grid.import", case.grid))
-    for name, tables in fleets:
-        if tables:
+def _source(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Bools, Bools]:
+    """(devices, slots) whether a device feeds in all it can, and whether it has no energy."""
+    standard, vectors = program.standard, program.vectors
+    full = np.ones((len(fleet.tables), program.situation.n), bool)
+    for name, sign in fleet.flows.items():
+        if sign > 0:
             columns = standard.columns(name)
-            full = z[columns] >= upper[columns] - AT_LIMIT_TOLERANCE
-            found.append((microgrid.at(tables), full, np.zeros_like(full)))
-    if case.ess:
-        columns, energy = standard.columns("ess.discharge"), standard.columns("ess.energy")
-        full = z[columns] >= upper[columns] - AT_LIMIT_TOLERANCE
-        starved = z[energy] <= program.vectors.lower[energy] + AT_LIMIT_TOLERANCE
-        found.append((microgrid.at(case.ess), full, starved))
-    return found
+            full &= z[columns] >= vectors.upper[columns] - AT_LIMIT_TOLERANCE
+    if fleet.stored is None:
+        return full, np.zeros_like(full)
+    energy = standard.columns(fleet.stored)
+    return full, z[energy] <= vectors.lower[energy] + AT_LIMIT_TOLERANCE
 
 
-def _asks_reactive(program: CaseProgram) -> Bools:
+def _asks_reactive(program: CaseProgram, loads: DeviceFleet) -> Bools:
     """(loads, slots) whether a load asks for reactive power that the physics carries."""
-    factors = np.array([t.power_factor for t in program.case.load])
-    asks = (factors < 1.0) & program.standard.has("line.q")
-    return asks[:, None] & (program.data["load.demand"] > AT_LIMIT_TOLERANCE)
+    asks = (loads.reactive_per_mw() > 0.0) & program.standard.has("line.q")
+    return asks[:, None] & (program.data[loads.demand] > AT_LIMIT_TOLERANCE)
 
 
-def _reactive_room(program: CaseProgram, z: Floats) -> tuple[Ints, Bools]:
-    """Bus of every device, and whether it could feed in more reactive power, (devices, slots)."""
-    standard, case, microgrid = program.standard, program.case, program.microgrid
-    places, room = [np.empty(0, np.intp)], [np.empty((0, program.situation.n), bool)]
-    inverters = [t for t in case.pv if t.s_mva], [t for t in case.ess if t.s_mva]
-    fleets = (("generator", case.generator), ("grid", case.grid), ("pv", inverters[0]))
-    for name, tables in (*fleets, ("ess", inverters[1])):
-        if tables and standard.has(f"{name}.q"):
-            columns = standard.columns(f"{name}.q")
-            below = z[columns] < program.vectors.upper[columns] - AT_LIMIT_TOLERANCE
-            places.append(microgrid.at(tables))
-            room.append(below & ~_at_disc(program, z, f"{name}.rating", below.shape))
-    return np.concatenate(places), np.concatenate(room)
+def _reactive_room(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Ints, Bools]:
+    """Bus of devices with reactive power, and (devices, slots) whether they could give more."""
+    standard = program.standard
+    if not standard.has(fleet.reactive):
+        return np.empty(0, np.intp), np.empty((0, program.situation.n), bool)
+    columns = standard.columns(fleet.reactive)
+    below = z[columns] < program.vectors.upper[columns] - AT_LIMIT_TOLERANCE
+    room = below & ~_at_disc(program, z, f"{fleet.kind}.rating", below.shape)
+    rows = [fleet.names.index(name) for name in standard.labels(fleet.reactive)]
+    return fleet.bus[rows], room
 
 
 def _at_disc(program: CaseProgram, z: Floats, name: str, shape: tuple[int, ...]) -> Bools:
@@ -135,7 +129,7 @@ def _at_disc(program: CaseProgram, z: Floats, name: str, shape: tuple[int, ...])
     for structure in program.standard.structures:
         if structure.name == name:
             length = np.sqrt(sum(x**2 for x in structure.values(z)))
-            return (length >= 0.96 * structure.limits[0]).reshape(shape[::-1]).T
+            return (length >= POLYGON_SHARE * structure.limits[0]).reshape(shape[::-1]).T
     return np.zeros(shape, bool)
 
 
@@ -150,8 +144,8 @@ def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
         return none, none
     columns = standard.columns("bus.v_sq")
     low, high = program.vectors.lower[columns], program.vectors.upper[columns]
-    at_low = (z[columns] <= low + AT_LIMIT_TOLERANCE) & (low < high)
-    return at_low, z[columns] >= high - AT_LIMIT_TOLERANCE
+    lowest = (z[columns] <= low + AT_LIMIT_TOLERANCE) & (low < high)
+    return lowest, z[columns] >= high - AT_LIMIT_TOLERANCE
 
 
 def _at_rating(program: CaseProgram, z: Floats) -> Bools:
@@ -162,5 +156,5 @@ def _at_rating(program: CaseProgram, z: Floats) -> Bools:
     if standard.has("line.q"):
         flow = flow + z[standard.columns("line.q")] ** 2
     rating = network.rating_mva[:, None]
-    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * 0.999 - AT_LIMIT_TOLERANCE)
+    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * RATING_SHARE - AT_LIMIT_TOLERANCE)
     return near & as_switched(program, z).line_up

@@ -175,7 +175,7 @@ class CertifiedPlan:
         horizon: when its slots are.
         notes: what else a reader should know, in words.
         seconds_by_phase: how long each phase took.
-        tables: every quantity by slot; see `tables.UNITS`.
+        tables: every quantity by slot; see `tables.table_units`.
         case: the case as solved; None where it was not kept.
     """
 

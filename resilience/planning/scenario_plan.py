@@ -35,7 +35,7 @@ from resilience.planning.records import (
     read_tables,
     write_plan,
 )
-from resilience.planning.tables import UNITS, SlotTable
+from resilience.planning.tables import SlotTable, table_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,7 +74,7 @@ class ScenarioPlan(CertifiedPlan):
         episodes: (scenarios,) arrays: probability, leaves_slot, cost, operating_cost,
             terminal_credit, shed_mwh, end_energy_mwh, clairvoyant_cost.
         recourse: names of the devices, and the power they feed in, (devices, slots, scenarios)
-            MW, as `UNITS["power"]`.
+            MW, as `table_units()["power"]`.
         outages: the scenarios; None where they were not kept.
     """
 
@@ -291,7 +291,7 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         horizon=Horizon(summary["start"], summary["step_min"]),
         notes=summary["notes"],
         seconds_by_phase=summary["seconds_by_phase"],
-        tables=read_tables(root, {name: name for name in (*UNITS, "staying")}),
+        tables=read_tables(root, {name: name for name in (*table_units(), "staying")}),
         case=case,
         algorithm=summary["algorithm"],
         risk=summary["risk"],

@@ -177,7 +177,7 @@ def scenario_program(
     situation = microgrid.situation(line_up, lambda name: case.profile(name)[slot])
     stages, data = [microgrid.stage(case.step_h)], microgrid.data(situation)
     two_stage = TwoStage(
-        stages, tree, trunk, data, microgrid.start(), terminal_cuts(case), risk or Risk()
+        stages, tree, trunk, data, microgrid.start(), terminal_cuts(microgrid), risk or Risk()
     )
     return ScenarioProgram(microgrid, two_stage, distinct, leaves, chain, slot)
 

@@ -242,6 +242,8 @@ def audited_point(program: CaseProgram, result: MethodResult) -> AuditedPoint:
 
 
 def _credit(program: CaseProgram, z: Floats) -> float:
-    if not program.case.ess:
+    stored = [f.stored for f in program.microgrid.fleets.values() if f.stored is not None]
+    if not stored:
         return 0.0
-    return float(terminal_credit(program.case, z[program.standard.columns("ess.energy")]))
+    energy = np.concatenate([z[program.standard.columns(name)] for name in stored])
+    return float(terminal_credit(program.case, energy))

@@ -13,6 +13,7 @@ from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, s
 from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.components import in_roles
 from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions, gap
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
@@ -140,8 +141,8 @@ def plan_in_two_stages(
     )
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     with phase("audit"):
-        distinct_outcomes, tables = outcomes.of_plan(program, result.solution)
-    scenario_outcomes = distinct_outcomes.at(distinct.index)
+        distinct_outcomes, tables = outcomes.planned_outcomes(program, result.solution)
+    scenario_outcomes = distinct_outcomes.selected(distinct.index)
     objective = risk.of(scenario_outcomes.cost, scenarios.probability)
     # Capped, since settling the plan may move its cost a hair below the solver's bound; a bound
     # that is wrong by more is hidden, too.
@@ -182,7 +183,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     with phase("dispatch", method):
         trajectory = simulate(world, DISPATCHERS[method](world))
     clairvoyant_cost = wait_and_see(program)[distinct.index]
-    scenario_outcomes = outcomes.of_run(world, trajectory)
+    scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
     objective = risk.of(scenario_outcomes.cost, scenarios.probability)
     # Capped, since the simulator's recourse and the bound's solver round differently; a bound that
     # is wrong by more is hidden, too.
@@ -217,15 +218,17 @@ def _common_schedule(
     program: ScenarioProgram, scenario_outcomes: ScenarioOutcomes, scenario: int
 ) -> dict[str, SlotTable]:
     """The common schedule of a dispatcher: what it does in the scenario that stays longest."""
-    case, common = program.microgrid.case, slice(0, program.two_stage.trunk)
-    units, loads = tuple(u.name for u in case.ess), tuple(load.name for load in case.load)
+    common, fleets = slice(0, program.two_stage.trunk), program.microgrid.fleets.values()
+    storage = in_roles(fleets, "storage")
+    units = tuple(name for fleet in storage for name in fleet.names)
+    loads = tuple(name for fleet in in_roles(fleets, "load") for name in fleet.names)
     power, energy = (
         scenario_outcomes.power[:, common, scenario],
         scenario_outcomes.energy[:, common, scenario],
     )
     tables = {"power": SlotTable(scenario_outcomes.devices, power)}
     if units:
-        size = np.array([unit.e_mwh for unit in case.ess])[:, None]
+        size = np.concatenate([fleet.size_mwh() for fleet in storage])[:, None]
         tables |= {"energy": SlotTable(units, energy), "soc": SlotTable(units, energy / size)}
     if loads:
         shed = scenario_outcomes.shed[:, common, scenario]

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.case.schema import DeviceTable
 from resilience.models.case_program import CaseProgram, as_switched
+from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
 from resilience.simulation.replay import per_slot, variables
 
-UNITS = {
+_UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
     "reactive": "Mvar fed in",
     "energy": "MWh stored at the end of the slot",
     "soc": "share of the capacity stored at the end of the slot",
     "demand": "MW",
     "shed": "MW",
-    "pv_available": "MW",
+}
+_MORE_UNITS = {
     "voltage": "pu",
     "line_power": "MW at the sending end",
     "line_reactive": "Mvar at the sending end",
@@ -30,12 +31,27 @@ UNITS = {
     "on": "1 where a generator runs",
     "variables": "every variable of the model, as `ess.charge[ess1]`, in its own unit",
 }
-"""Every table that a plan may have, and what it holds."""
+
+
+def table_units() -> dict[str, str]:
+    """Every table that a plan may have, and what it holds."""
+    weather = {_available(fleet): "MW" for fleet in in_roles(fleet_classes(), "weather")}
+    return _UNITS | weather | _MORE_UNITS
+
+
+def _available(fleet: DeviceFleet | type[DeviceFleet]) -> str:
+    """Table of what the weather offers a fleet."""
+    return f"{fleet.kind}_available"
 
 
 @dataclass(frozen=True)
 class SlotTable:
-    """Values (columns, slots) of one quantity, a label per column."""
+    """Values of one quantity.
+
+    Attributes:
+        labels: a label per row, of devices, buses or lines.
+        values: (labels, slots).
+    """
 
     labels: tuple[str, ...]
     values: Floats
@@ -46,96 +62,103 @@ class SlotTable:
 
 
 def tabulate(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
-    """Every quantity as a table (columns, slots); names and units in `results.UNITS`."""
-    standard, case, data = program.standard, program.case, program.data
+    """Every quantity as a table (columns, slots); names and units in `table_units`."""
+    fleets = program.microgrid.fleets.values()
+    tables = _stored(program, z, in_roles(fleets, "storage"))
+    tables |= _demand(program, z, in_roles(fleets, "load"))
+    for fleet in in_roles(fleets, "weather"):
+        tables[_available(fleet)] = SlotTable(fleet.names, program.values(fleet.limit, z))
+    order = in_roles(fleets, "dispatchable", "weather", "storage", "exchange", "load")
+    power = [(fleet, fleet.power(lambda name: program.values(name, z))) for fleet in order]
+    tables["power"] = _stacked(program, power)
+    tables |= _wires(program, z)
+    tables |= _states(program, z, as_switched(program, z))
+    standard = program.standard
+    return tables | {"variables": SlotTable(variables(standard), per_slot(standard, z))}
 
-    def values(name: str) -> Floats:
-        return z[standard.columns(name)]
 
-    power: dict[str, Floats] = {}
-    for name, tables in (("generator.p", case.generator), ("pv.p", case.pv)):
-        if tables:
-            power |= dict(zip(standard.labels(name), values(name), strict=True))
-    found: dict[str, SlotTable] = {}
-    if case.ess:
-        flow = values("ess.discharge") - values("ess.charge")
-        names = standard.labels("ess.charge")
-        power |= dict(zip(names, flow, strict=True))
-        size = np.array([t.e_mwh for t in case.ess])[:, None]
-        found["energy"] = SlotTable(names, values("ess.energy"))
-        found["soc"] = SlotTable(names, values("ess.energy") / size)
-    if case.grid:
-        flow = values("grid.import") - values("grid.export")
-        power |= dict(zip(standard.labels("grid.import"), flow, strict=True))
-    if case.load:
-        names = standard.labels("load.shed")
-        power |= dict(zip(names, values("load.shed") - data["load.demand"], strict=True))
-        found["demand"] = SlotTable(names, data["load.demand"])
-        found["shed"] = SlotTable(names, values("load.shed"))
-    if case.pv:
-        found["pv_available"] = SlotTable(standard.labels("pv.p"), data["pv.available"])
-    found["power"] = SlotTable(tuple(power), np.array(list(power.values())))
-    found |= _wires(program, z)
-    found |= _states(program, z, as_switched(program, z))
-    return found | {"variables": SlotTable(variables(standard), per_slot(standard, z))}
+def _stacked(program: CaseProgram, rows: Iterable[tuple[DeviceFleet, Floats]]) -> SlotTable:
+    """One table of several fleets, the rows of each below those of the one before."""
+    rows = list(rows)
+    values = [np.empty((0, program.standard.tree.n)), *(values for _, values in rows)]
+    return SlotTable(
+        tuple(name for fleet, _ in rows for name in fleet.names), np.concatenate(values)
+    )
+
+
+def _stored(program: CaseProgram, z: Floats, storage: list[DeviceFleet]) -> dict[str, SlotTable]:
+    rows = [(fleet, program.values(fleet.stored, z)) for fleet in storage if fleet.stored]
+    if not rows:
+        return {}
+    shares = [(fleet, energy / fleet.size_mwh()[:, None]) for fleet, energy in rows]
+    return {"energy": _stacked(program, rows), "soc": _stacked(program, shares)}
+
+
+def _demand(program: CaseProgram, z: Floats, loads: list[DeviceFleet]) -> dict[str, SlotTable]:
+    if not loads:
+        return {}
+    return {
+        "demand": _stacked(program, [(f, program.values(f.demand, z)) for f in loads]),
+        "shed": _stacked(program, [(f, program.values(f.shed, z)) for f in loads]),
+    }
 
 
 def _wires(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
-    standard, found = program.standard, {}
+    standard = program.standard
+    tables: dict[str, SlotTable] = {}
     if standard.has("bus.v_sq"):
         squares = np.maximum(z[standard.columns("bus.v_sq")], 0.0)
-        found["voltage"] = SlotTable(standard.labels("bus.v_sq"), np.sqrt(squares))
+        tables["voltage"] = SlotTable(standard.labels("bus.v_sq"), np.sqrt(squares))
     for table, name in (("line_power", "line.p"), ("line_reactive", "line.q")):
         if standard.has(name):
-            found[table] = SlotTable(standard.labels(name), z[standard.columns(name)])
+            tables[table] = SlotTable(standard.labels(name), z[standard.columns(name)])
     if standard.has("line.p"):
         closed = as_switched(program, z).line_up
-        found["line_closed"] = SlotTable(standard.labels("line.p"), closed.astype(float))
-    return found
+        tables["line_closed"] = SlotTable(standard.labels("line.p"), closed.astype(float))
+    return tables
 
 
 def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, SlotTable]:
     standard, case = program.standard, program.case
+    fleets = program.microgrid.fleets.values()
     island = np.where(situation.alive > 0.5, situation.island + 1, 0)
     bus_of = program.microgrid.bus_of
-    found = {"island": SlotTable(case.network.bus_names, island[bus_of].astype(float))}
-    reactive = [
-        (name.split(".")[0], name)
-        for name in ("generator.q", "pv.q", "ess.q", "grid.q")
-        if standard.has(name)
-    ]
-    if reactive:
-        labels = tuple(label for _, name in reactive for label in standard.labels(name))
-        rows = np.concatenate([z[standard.columns(name)] for _, name in reactive])
-        found["reactive"] = SlotTable(labels, rows)
-    if standard.has("generator.on"):
-        found["on"] = SlotTable(
-            standard.labels("generator.on"), z[standard.columns("generator.on")]
-        )
-    return found
+    tables = {"island": SlotTable(case.network.bus_names, island[bus_of].astype(float))}
+    order = in_roles(fleets, "dispatchable", "weather", "storage", "exchange", "load")
+    for table, names in (
+        ("reactive", [fleet.reactive for fleet in order]),
+        ("on", [fleet.running for fleet in order if fleet.running is not None]),
+    ):
+        there = [name for name in names if standard.has(name)]
+        if there:
+            labels = tuple(label for name in there for label in standard.labels(name))
+            rows = np.concatenate([z[standard.columns(name)] for name in there])
+            tables[table] = SlotTable(labels, rows)
+    return tables
 
 
 def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:
     """The energy balance in MWh: what was fed in, what was taken, and what the wires lost."""
-    power = tables["power"]
+    power, fleets = tables["power"], device_fleets(case)
 
-    def flow(devices: Sequence[DeviceTable], sign: float) -> float:
-        rows = [power.labels.index(device.name) for device in devices]
+    def flow(kind: str, sign: float) -> float:
+        names = fleets[kind].names if kind in fleets else ()
+        rows = [power.labels.index(name) for name in names]
         return float(np.maximum(sign * power.values[rows], 0.0).sum()) * case.step_h
 
     def total(name: str) -> float:
         return float(tables[name].values.sum()) * case.step_h if name in tables else 0.0
 
-    found = {
-        "demand": total("demand"),
-        "shed": total("shed"),
-        "pv": flow(case.pv, 1.0),
-        "generators": flow(case.generator, 1.0),
-        "import": flow(case.grid, 1.0),
-        "discharge": flow(case.ess, 1.0),
-        "charge": flow(case.ess, -1.0),
-        "export": flow(case.grid, -1.0),
+    every = fleet_classes()
+    sources = in_roles(every, "weather", "dispatchable", "exchange", "storage")
+    sinks = in_roles(every, "weather", "dispatchable", "storage", "exchange")
+    fed = {f.fed.key: flow(f.kind, 1.0) for f in sources if f.fed}
+    taken = {f.taken.key: flow(f.kind, -1.0) for f in sinks if f.taken}
+    curtailed = {
+        f.curtailed.key: total(_available(f)) - fed[f.fed.key]
+        for f in every
+        if f.curtailed and f.fed
     }
-    fed = sum(found[key] for key in ("pv", "generators", "import", "discharge"))
-    taken = found["demand"] - found["shed"] + found["charge"] + found["export"]
-    return found | {"losses": fed - taken, "pv_curtailed": total("pv_available") - found["pv"]}
+    demand, shed = total("demand"), total("shed")
+    losses = sum(fed.values()) - sum(taken.values(), start=demand - shed)
+    return {"demand": demand, "shed": shed, **fed, **taken, "losses": losses, **curtailed}

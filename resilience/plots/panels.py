@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.plots.style import COLOURS, STORMY, aside, stairs, steps
+from resilience.plots.style import (
+    DEMAND_COLOUR,
+    SHED_COLOUR,
+    STORAGE_COLOUR,
+    STORMY,
+    aside,
+    colours,
+    stairs,
+    steps,
+)
 from resilience.tolerances import DRAWN_TOLERANCE_MW
 
 if TYPE_CHECKING:
@@ -41,15 +50,16 @@ def draw_power(
     Args:
         axis: the panel.
         hours: (slots + 1,) begin of every slot, and the end.
-        fed: a key of `COLOURS` to (slots,) MW fed in.
+        fed: a key of `colours` to (slots,) MW fed in.
         taken: the same to (slots,) MW taken, zero or more.
     """
     up = down = np.zeros(len(hours) - 1)
+    colour_of = colours()
     for name, flow in fed.items():
-        stairs(axis, hours, up, up + flow, color=COLOURS[name], label=name)
+        stairs(axis, hours, up, up + flow, color=colour_of[name], label=name)
         up = up + flow
     for name, flow in taken.items():
-        stairs(axis, hours, down - flow, down, color=COLOURS[name])
+        stairs(axis, hours, down - flow, down, color=colour_of[name])
         down = down - flow
     axis.axhline(0.0, color="black", lw=0.5)
 
@@ -57,9 +67,9 @@ def draw_power(
 def draw_demand(axis: Axes, hours: Floats, demand: Floats, shed: Floats) -> None:
     """The demand as a line, and hatched below it what of it is not served."""
     if shed.max(initial=0.0) > DRAWN_TOLERANCE_MW:
-        style = {"facecolor": "none", "edgecolor": COLOURS["shed"], "hatch": "/////"}
+        style = {"facecolor": "none", "edgecolor": SHED_COLOUR, "hatch": "/////"}
         stairs(axis, hours, demand - shed, demand, label="shed", **style)
-    steps(axis, hours, demand, color=COLOURS["demand"], lw=1.0, label="demand")
+    steps(axis, hours, demand, color=DEMAND_COLOUR, lw=1.0, label="demand")
 
 
 def draw_soc(axis: Axes, hours: Floats, names: Sequence[str], soc: Floats, size: Floats) -> None:
@@ -83,7 +93,7 @@ def draw_soc(axis: Axes, hours: Floats, names: Sequence[str], soc: Floats, size:
             label = f"{len(names)} units" if k == 0 else None
             axis.plot(hours, line, color="#93b7d6", lw=0.6, label=label)
         mean = size @ soc / size.sum()
-        axis.plot(hours, mean, color=COLOURS["storage"], lw=1.8, label="all together")
+        axis.plot(hours, mean, color=STORAGE_COLOUR, lw=1.8, label="all together")
     axis.set_ylim(0.0, 1.02)
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.case.schema import GridTable
 from resilience.errors import UsageError
 from resilience.files import check_picture
+from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.planning.plan import Plan
 from resilience.plots import panels, style
 from resilience.tolerances import DRAWN_TOLERANCE_MW
@@ -69,17 +70,11 @@ def _hours(plan: Plan) -> Floats:
     return np.arange(slots + 1) * plan.step_min / 60.0
 
 
-def _groups(plan: Plan) -> dict[str, Sequence[str]]:
-    case = plan.case
-    if case is None:
+def _fleets(plan: Plan) -> list[DeviceFleet]:
+    """The fleets whose power is stacked."""
+    if plan.case is None:
         raise UsageError("a plan without its case cannot be drawn", hint="keep case.toml beside it")
-    found = {
-        "grid": [t.name for t in case.grid],
-        "generators": [t.name for t in case.generator],
-        "PV": [t.name for t in case.pv],
-        "storage": [t.name for t in case.ess],
-    }
-    return {group: names for group, names in found.items() if names}
+    return style.fleet_order(device_fleets(plan.case).values())
 
 
 def _outages(plan: Plan) -> tuple[list[str], np.ndarray]:
@@ -94,7 +89,7 @@ def _outages(plan: Plan) -> tuple[list[str], np.ndarray]:
 
 def _power(axis: Axes, plan: Plan, hours: Floats) -> None:
     power = plan.tables["power"]
-    flows = {group: np.array([power[d] for d in names]) for group, names in _groups(plan).items()}
+    flows = {f.title: np.array([power[name] for name in f.names]) for f in _fleets(plan)}
     fed = {group: np.maximum(flow, 0.0).sum(0) for group, flow in flows.items()}
     taken = {group: np.maximum(-flow, 0.0).sum(0) for group, flow in flows.items()}
     panels.draw_power(axis, hours, fed, taken)
@@ -107,13 +102,10 @@ def _power(axis: Axes, plan: Plan, hours: Floats) -> None:
 
 def _storage(axis: Axes, plan: Plan, hours: Floats) -> None:
     table = plan.tables["soc"]
-    units = {t.name: t for t in plan.case.ess} if plan.case else {}
-    start = [
-        units[name].soc_initial if name in units else values[0]
-        for name, values in zip(table.labels, table.values, strict=True)
-    ]
-    size = np.array([units[name].e_mwh if name in units else 1.0 for name in table.labels])
-    soc = np.column_stack([start, table.values])
+    storage = in_roles(_fleets(plan), "storage")
+    size = np.concatenate([fleet.size_mwh() for fleet in storage])
+    start_mwh = np.concatenate([fleet.start()[fleet.stored] for fleet in storage if fleet.stored])
+    soc = np.column_stack([start_mwh / size, table.values])
     panels.draw_soc(axis, hours, table.labels, soc, size)
     axis.set_ylabel("state of\ncharge")
     style.aside(axis)
@@ -121,7 +113,7 @@ def _storage(axis: Axes, plan: Plan, hours: Floats) -> None:
 
 def _shed(axis: Axes, plan: Plan, hours: Floats) -> None:
     total = plan.tables["shed"].values.sum(0)
-    style.stairs(axis, hours, np.zeros_like(total), total, color=style.COLOURS["shed"])
+    style.stairs(axis, hours, np.zeros_like(total), total, color=style.SHED_COLOUR)
     axis.set_ylabel("shed, MW")
     axis.set_ylim(0.0, max(1.05 * total.max(), 0.1))
     if total.max() < DRAWN_TOLERANCE_MW:
@@ -138,7 +130,7 @@ def _voltage(axis: Axes, plan: Plan, hours: Floats) -> None:
         limits = plan.case.network.v_min_pu.min(), plan.case.network.v_max_pu.max()
         for k, limit in enumerate(limits):
             label = None if k else "limits"
-            axis.axhline(limit, color=style.COLOURS["shed"], lw=0.9, ls="--", label=label)
+            axis.axhline(limit, color=style.SHED_COLOUR, lw=0.9, ls="--", label=label)
     axis.set_ylabel("voltage, pu")
     style.aside(axis)
 
@@ -158,7 +150,7 @@ def _grid_buses(plan: Plan) -> list[str]:
     if plan.case is None:
         return []
     network = plan.case.network
-    return [network.bus_names[network.bus(t.bus)] for t in plan.case.grid]
+    return [network.bus_names[network.bus(t.bus)] for t in plan.case.tables_of(GridTable)]
 
 
 def _lines_out(axis: Axes, plan: Plan, hours: Floats) -> None:

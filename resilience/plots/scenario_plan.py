@@ -10,10 +10,11 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import check_picture
+from resilience.models.components import device_fleets
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.plots import style
-from resilience.plots.style import COLOURS
+from resilience.plots.style import DEMAND_COLOUR, SHED_COLOUR, STORAGE_COLOUR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,14 +48,16 @@ def _draw(plan: ScenarioPlan, case: Case) -> Figure:
     _stored(axes[1], plan.bands["energy"], hours[1:])
     axes[1].plot(
         hours[1 : plan.common_slots + 1],
-        plan.tables["energy"].values.sum(0) if case.ess else np.zeros(plan.common_slots),
+        plan.tables["energy"].values.sum(0)
+        if "energy" in plan.tables
+        else np.zeros(plan.common_slots),
         color="black",
         lw=1.2,
         label="common schedule",
     )
     axes[1].set_ylabel("stored, MWh")
     axes[1].legend(frameon=False, fontsize=8)
-    _band(axes[2], plan.bands["shed"], hours, COLOURS["shed"])
+    _band(axes[2], plan.bands["shed"], hours, SHED_COLOUR)
     axes[2].set_ylabel("shed, MW")
     axes[2].set_ylim(0.0, max(1.05 * float(plan.bands["shed"].values.max()), 0.1))
     _costs(axes[3], plan)
@@ -78,19 +81,9 @@ def _title(plan: ScenarioPlan) -> str:
 def _power(axis: Axes, plan: ScenarioPlan, case: Case, hours: Floats) -> None:
     """Power by source in the common schedule, and how likely it is to be followed still."""
     power = plan.tables["power"]
-    groups = {"grid": case.grid, "generators": case.generator, "PV": case.pv, "storage": case.ess}
-    for name, devices in groups.items():
-        rows = [power.labels.index(device.name) for device in devices]
-        if rows:
-            total = power.values[rows].sum(0)
-            axis.step(
-                hours,
-                np.append(total, total[-1]),
-                where="post",
-                color=COLOURS[name],
-                lw=1.4,
-                label=name,
-            )
+    for fleet in style.fleet_order(device_fleets(case).values()):
+        total = np.sum([power[name] for name in fleet.names], axis=0)
+        style.steps(axis, hours, total, color=fleet.colour, lw=1.4, label=fleet.title)
     axis.axhline(0.0, color="black", lw=0.5)
     axis.set_ylabel("common schedule,\nMW fed in")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, frameon=False, fontsize=8)
@@ -115,10 +108,8 @@ def _band(axis: Axes, band: SlotTable, hours: Floats, colour: str) -> None:
 
 def _stored(axis: Axes, band: SlotTable, ends: Floats) -> None:
     mean, low, high = band.values
-    axis.fill_between(
-        ends, low, high, color=COLOURS["storage"], alpha=0.25, lw=0, label="5 to 95 %"
-    )
-    axis.plot(ends, mean, color=COLOURS["storage"], lw=1.3, label="mean of scenarios")
+    axis.fill_between(ends, low, high, color=STORAGE_COLOUR, alpha=0.25, lw=0, label="5 to 95 %")
+    axis.plot(ends, mean, color=STORAGE_COLOUR, lw=1.3, label="mean of scenarios")
 
 
 def _costs(axis: Axes, plan: ScenarioPlan) -> None:
@@ -126,10 +117,10 @@ def _costs(axis: Axes, plan: ScenarioPlan) -> None:
     known = plan.episodes["clairvoyant_cost"]
     for values, dash, label in ((cost, "-", plan.method), (known, "--", "known beforehand")):
         order = np.argsort(values)
-        shade = COLOURS["demand"] if dash == "-" else COLOURS["shed"]
+        shade = DEMAND_COLOUR if dash == "-" else SHED_COLOUR
         share = np.cumsum(p[order])
         axis.step(values[order], share, dash, where="post", color=shade, lw=1.3, label=label)
-    axis.axvline(plan.expected_cost, color=COLOURS["demand"], lw=0.8, ls=":")
+    axis.axvline(plan.expected_cost, color=DEMAND_COLOUR, lw=0.8, ls=":")
     axis.set_xlabel("cost of a scenario, $ (dotted: expected)")
     axis.set_ylabel("share of scenarios\nthat cost no more")
     axis.set_ylim(0.0, 1.02)

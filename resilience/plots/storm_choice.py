@@ -13,7 +13,7 @@ from resilience.arrays import Floats, Ints
 from resilience.case.networks.network import did_you_mean
 from resilience.errors import UsageError
 from resilience.evaluation.comparison import Compared, day_spans
-from resilience.plots.storm_data import FeederView, MethodView, deed, feeder, load_groups
+from resilience.plots.storm_data import FeederView, MethodView, feeder, load_groups, method_view
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -61,7 +61,7 @@ def storm(
     shared = feeder(case, scenarios, k, span)
     runs = {name: compared.trajectories[name] for name in names}
     exact = getattr(compared, "forecast_error", "none") == "none"
-    deeds = {name: deed(case, run, shared, k, span, exact) for name, run in runs.items()}
+    deeds = {name: method_view(case, run, shared, k, span, exact) for name, run in runs.items()}
     return EpisodeView(
         case=case,
         which=_which(k, d, scenarios.n, len(spans), day == "all"),
@@ -107,7 +107,7 @@ def _worst(
 ) -> tuple[int, int]:
     """Episode and day, counted from 0: as asked for, or where most is shed, or most is out."""
     begin = [span.start for span in spans]
-    shed = sum(compared.trajectories[name].flow("load.shed").sum(0) for name in names)
+    shed = sum(compared.trajectories[name].shed.sum(0) for name in names)
     out = compared.scenarios.down.sum(0)
     score = np.add.reduceat(np.round(shed, 6), begin, axis=0)
     if not score.any():

@@ -6,16 +6,20 @@ island. Power is MW, time is in slots of the span that is drawn.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, Network
+from resilience.case.schema import LoadTable
 from resilience.fragility.outages.bell import REFERENCE_MIN
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.models.network.graph import closable, merge
 from resilience.models.network.situation import Situation
+from resilience.plots import style
 from resilience.simulation.trajectory import Trajectory
 
 GROUPS = 6  # of loads that are shed; what else is shed is one more
@@ -82,22 +86,24 @@ def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> Feede
     lines_of = [case.network.line(name) for name in merged.line_names]
     up = scenarios.line_up(case.network.line_names)[lines_of, span, episode]
 
-    def standing(kinds: tuple[str, ...]) -> np.ndarray:
-        """(zones,) whether a grid-forming device of some kinds stands there."""
-        units = [t for kind in kinds for t in getattr(case, kind) if t.grid_forming]
-        found = np.zeros(len(merged.bus_names), bool)
-        found[[zone_of[case.network.bus(t.bus)] for t in units]] = True
-        return found
+    fleets = device_fleets(case, zone_of).values()
+
+    def has_forming(fleets: Iterable[DeviceFleet]) -> Bools:
+        """(zones,) whether a grid-forming device of some fleets stands there."""
+        zones = np.zeros(len(merged.bus_names), bool)
+        for fleet in fleets:
+            zones[fleet.bus[fleet.forming()]] = True
+        return zones
 
     ends = np.stack([merged.from_bus, merged.to_bus])
-    forming = standing(("ess", "generator", "grid"))
+    forming = has_forming(fleets)
     situation = Situation(case.profile, merged.line_names, ends, up, forming, up.shape[1])
     down = scenarios.down[:, span, episode]
     hit = np.flatnonzero(down.any(axis=1))
     return FeederView(
         zones=zone_names(case.network, zone_of),
         zone_of=zone_of,
-        on_grid=standing(("grid",)),
+        on_grid=has_forming(in_roles(fleets, "exchange")),
         island=(situation.island + 1) * (situation.alive > 0),
         lines=tuple(scenarios.lines[k] for k in hit),
         down=down[hit],
@@ -138,31 +144,35 @@ def _zone_name(names: list[str]) -> str:
     return ", ".join(shown) + (", ..." if len(shown) < len(names) else "")
 
 
-def deed(
+def method_view(
     case: Case, run: Trajectory, feeder_: FeederView, episode: int, span: slice, exact: bool = True
 ) -> MethodView:
     """What a method did in the slots `span` of an episode, counted from 0.
 
     `exact`: the profiles of the case are what came true.
     """
+    slots, fleets = span.stop - span.start, device_fleets(case).values()
+    storage, shed = run.storage[:, span, episode], run.shed[:, span, episode]
 
-    def flow(kind: str) -> Floats:
-        return run.flow(kind)[:, span, episode]
+    def flows(fleet: DeviceFleet) -> list[Floats]:
+        """(devices, slots) MW fed in by each of its flows: import and export stay apart."""
+        if fleet.role == "storage":
+            return [storage]
+        return [sign * run.flow(name)[:, span, episode] for name, sign in fleet.flows.items()]
 
-    slots = span.stop - span.start
-    storage = run.storage[:, span, episode]
-    pv, shed = flow("pv.p"), flow("load.shed")
-    fed = {
-        "grid": flow("grid.import").sum(0),
-        "generators": flow("generator.p").sum(0),
-        "PV": pv.sum(0),
-        "storage": np.maximum(storage, 0.0).sum(0),
-    }
-    taken = {"storage": np.maximum(-storage, 0.0).sum(0), "grid": flow("grid.export").sum(0)}
+    def total(fleet: DeviceFleet, sign: float) -> Floats:
+        return np.sum([np.maximum(sign * flow, 0.0).sum(0) for flow in flows(fleet)], axis=0)
+
+    takers = in_roles(fleets, "storage", "exchange", "dispatchable", "weather")
+    fed = {fleet.title: total(fleet, 1.0) for fleet in style.fleet_order(fleets)}
+    taken = {fleet.title: total(fleet, -1.0) for fleet in takers if fleet.taken}
+    unused = np.zeros(slots)
+    for fleet in in_roles(fleets, "weather"):
+        offered = _offered(case, feeder_, fleet, span)
+        unused += np.maximum(offered - sum(flows(fleet)), 0.0).sum(0)
     spilled = np.zeros(slots) if run.spill is None else run.spill[span, episode]
     net: Floats = sum(fed.values(), np.zeros(slots)) - sum(taken.values(), np.zeros(slots))
     size = np.array([t.e_mwh for t in case.ess])
-    unused = np.maximum(_sun(case, feeder_, span) - pv, 0.0).sum(0)
     energy = run.energy[:, span.start : span.stop + 1, episode]
     return MethodView(
         fed=fed,
@@ -176,11 +186,11 @@ def deed(
     )
 
 
-def _sun(case: Case, feeder_: FeederView, span: slice) -> Floats:
-    """(plants, slots) MW that PV could feed in; nothing in a dead island."""
-    zones = [feeder_.zone_of[case.network.bus(t.bus)] for t in case.pv]
-    sun = np.array([t.p_max_mw * case.profile(t.profile)[span] for t in case.pv])
-    return sun.reshape(len(zones), span.stop - span.start) * (feeder_.island[zones] > 0)
+def _offered(case: Case, feeder_: FeederView, fleet: DeviceFleet, span: slice) -> Floats:
+    """(plants, slots) MW that the weather offers; nothing in a dead island."""
+    zones = feeder_.zone_of[fleet.bus]
+    rows = [fed_mw * case.profile(profile)[span] for profile, fed_mw in fleet.expected()]
+    return np.array(rows) * (feeder_.island[zones] > 0)
 
 
 def load_groups(case: Case, feeder_: FeederView, sheds: list[Floats]) -> list[tuple[str, Ints]]:
@@ -191,12 +201,13 @@ def load_groups(case: Case, feeder_: FeederView, sheds: list[Floats]) -> list[tu
         feeder_: has the zones.
         sheds: (loads, slots) MW of every method drawn; the groups most shed come first.
     """
-    total = sum((shed.sum(1) for shed in sheds), np.zeros(len(case.load)))
+    loads = case.tables_of(LoadTable)
+    total = sum((shed.sum(1) for shed in sheds), np.zeros(len(loads)))
     hit = np.flatnonzero(total > 1e-6)
     if len(hit) <= GROUPS:
-        parts = [(case.load[k].name, np.array([k])) for k in hit]
+        parts = [(loads[k].name, np.array([k])) for k in hit]
     else:
-        zone = np.array([feeder_.zone_of[case.network.bus(t.bus)] for t in case.load])
+        zone = np.array([feeder_.zone_of[case.network.bus(t.bus)] for t in loads])
         parts = [(feeder_.zones[z], hit[zone[hit] == z]) for z in np.unique(zone[hit])]
         parts = [(f"{_loads(len(at))}, {_buses(name)}", at) for name, at in parts]
     parts.sort(key=lambda part: -float(total[part[1]].sum()))

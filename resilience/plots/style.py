@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -11,21 +12,18 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.files import replacing_file
+from resilience.models.components import ESS, fleet_classes, in_roles
+from resilience.models.components.registry import AnyFleet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-COLOURS = {
-    "grid": "#9a9a9a",
-    "generators": "#d55e00",
-    "PV": "#f0c93a",
-    "storage": "#0072b2",
-    "shed": "#a3157e",
-    "demand": "#000000",
-}
-"""Okabe and Ito (2008), the yellow a little darker; shed is the dark end of `SHED`."""
+SHED_COLOUR = "#a3157e"
+DEMAND_COLOUR = "#000000"
+STORAGE_COLOUR = ESS.colour
+"""Of what all storage holds together."""
 SHED = "RdPu"
 """Colour map of groups of loads that are shed."""
 STORMY = "#4b5563"
@@ -35,6 +33,20 @@ MARKERS = "osD^vPX*"
 DPI = 150
 TICKS_H = (0.25, 0.5, 1, 2, 3, 4, 6, 12)
 WITHIN = 13  # most ticks of a time axis of full width
+
+
+def fleet_order(fleets: Iterable[AnyFleet]) -> list[AnyFleet]:
+    """Fleets whose power is stacked, from the axis upwards; loads are not."""
+    return in_roles(fleets, "exchange", "dispatchable", "weather", "storage")
+
+
+def colours() -> dict[str, str]:
+    """Colour of the power of every fleet by its title, and of `shed` and `demand`.
+
+    Okabe and Ito (2008), the yellow a little darker; shed is the dark end of `SHED`.
+    """
+    fleets = {fleet.title: fleet.colour for fleet in fleet_order(fleet_classes())}
+    return fleets | {"shed": SHED_COLOUR, "demand": DEMAND_COLOUR}
 
 
 def look() -> AbstractContextManager[None]:

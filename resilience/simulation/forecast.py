@@ -18,6 +18,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import REFERENCE_MIN
+from resilience.models.components import device_fleets
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -102,7 +103,8 @@ class ForecastError:
 
 def forecast_names(case: Case) -> tuple[str, ...]:
     """Names of the profiles that loads and PV follow; what nothing but a price follows is known."""
-    names = [*(table.profile for table in case.load), *(table.profile for table in case.pv)]
+    fleets = device_fleets(case).values()
+    names = (name for fleet in fleets for name, _ in fleet.expected())
     return tuple(dict.fromkeys(name for name in names if name is not None))
 
 

@@ -89,9 +89,14 @@ class Trajectory:
         return self.flows[rows]
 
     @property
+    def shed(self) -> Floats:
+        """(loads, slots, scenarios) MW not served, of every kind of load."""
+        return self.flows[[k for k, name in enumerate(self.columns) if ".shed[" in name]]
+
+    @property
     def shed_mwh(self) -> Floats:
         """(scenarios,) energy not served."""
-        return self.flow("load.shed").sum((0, 1)) * self.step_h
+        return self.shed.sum((0, 1)) * self.step_h
 
     @property
     def credited_mwh(self) -> Floats:

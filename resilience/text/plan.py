@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from rich import box
@@ -12,13 +12,13 @@ from rich.table import Table
 from rich.text import Text
 
 from resilience.case.outages import outage_texts
+from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
 from resilience.planning.records import CertifiedPlan
 from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.case.schema import DeviceTable
 
 MAX_LISTED = 12  # names in a list, before the others are only counted
 
@@ -83,25 +83,29 @@ def grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:
 def _money_and_energy(plan: Plan, width: int) -> RenderableType:
     costs = [(name, f"{spent:.4f}") for name, spent in plan.costs.items() if abs(spent) > 5e-5]
     costs.append(("operating cost", f"{plan.operating_cost:.4f}"))
-    names = {
-        "demand": "demand",
-        "shed": "shed",
-        "charge": "charged",
-        "export": "exported",
-        "losses": "lost in wires",
-        "pv": "PV",
-        "pv_curtailed": "PV curtailed",
-        "generators": "generators",
-        "import": "imported",
-        "discharge": "discharged",
-    }
-    energy = [(names[key], f"{abs(plan.energy_mwh[key]):.3f}") for key in names]
+    energy = [(words, f"{abs(plan.energy_mwh[key]):.3f}") for key, words in _energy_words(plan)]
     tables = grid("Cost", costs, "term", "$"), grid("Energy", energy, "", "MWh")
     if width < 60:
         return Group(*tables)
     abreast = Table.grid(padding=(0, 4))
     abreast.add_row(*tables)
     return abreast
+
+
+def _energy_words(plan: Plan) -> list[tuple[str, str]]:
+    """Keys of the energy balance and what they are called: where energy went, then its sources."""
+    fleets = in_roles(fleet_classes(), "weather", "dispatchable", "storage", "exchange")
+    taken = [fleet.taken for fleet in fleets]
+    sources = [
+        term
+        for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage")
+        for term in (fleet.fed, fleet.curtailed)
+    ]
+    words = [("demand", "demand"), ("shed", "shed")]
+    words += [(term.key, term.words) for term in taken if term]
+    words += [("losses", "lost in wires")]
+    words += [(term.key, term.words) for term in sources if term]
+    return [(key, name) for key, name in words if key in plan.energy_mwh]
 
 
 def _shed(plan: Plan) -> RenderableType:
@@ -164,20 +168,17 @@ def print_case(case: Case, console: Console) -> None:
     console.print(f"outages: {', '.join(outage_texts(case.outages, case.window)) or 'none'}")
     for line in _islands(case):
         console.print(line)
-    rows = [
-        _fleet("grid", case.grid, "import_max_mw"),
-        _fleet("generator", case.generator, "p_max_mw"),
-        _fleet("pv", case.pv, "p_max_mw"),
-        _fleet("ess", case.ess, "p_max_mw"),
-        _fleet("load", case.load, "p_max_mw"),
-    ]
+    fleets = device_fleets(case)
+    order = in_roles(fleet_classes(), "exchange", "dispatchable", "weather", "storage", "load")
+    rows = [_fleet(kind, case, fleets.get(kind)) for kind in (fleet.kind for fleet in order)]
     table = grid("", rows, "devices", "number", "MW", "at buses")
     table.columns[3].justify = "left"
     console.print(table)
 
 
-def _fleet(kind: str, tables: Sequence[DeviceTable], size: str) -> tuple[str, ...]:
-    total = sum(getattr(t, size) for t in tables)
+def _fleet(kind: str, case: Case, fleet: DeviceFleet | None) -> tuple[str, ...]:
+    tables = case.devices.get(kind, ())
+    total = 0.0 if fleet is None else float(fleet.size_mw().sum())
     places = ", ".join(f"{t.name}@{t.bus}" for t in tables[:MAX_LISTED])
     more = f" and {len(tables) - MAX_LISTED} more" if len(tables) > MAX_LISTED else ""
     return kind, str(len(tables)), f"{total:.3f}", places + more

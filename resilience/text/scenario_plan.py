@@ -9,6 +9,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from resilience.arrays import Floats
+from resilience.models.components import device_fleets, fleet_classes, in_roles
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.text.plan import certificate, grid, percent
 
@@ -50,10 +51,12 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
         total = power.values[rows].sum(0)
         return np.add.reduceat(total, starts) / np.diff(np.append(starts, n))
 
-    columns = [mean(t.name for t in case.ess), mean(t.name for t in case.generator)]
-    columns += [mean(t.name for t in case.grid)]
+    fleets = device_fleets(case)
+    shown = in_roles(fleet_classes(), "storage", "dispatchable", "exchange")
+    columns = [mean(fleets[f.kind].names if f.kind in fleets else ()) for f in shown]
     ends = np.append(starts[1:], n) - 1
-    stored = plan.tables["energy"].values.sum(0)[ends] if case.ess else np.zeros(len(ends))
+    energy = plan.tables.get("energy")
+    stored = np.zeros(len(ends)) if energy is None else energy.values.sum(0)[ends]
     staying = plan.tables["staying"].values[0][starts]
     rows = [
         (
@@ -64,7 +67,7 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
         )
         for k, t in enumerate(starts)
     ]
-    heads = ["from", "storage MW", "generators MW", "grid MW", "stored MWh", "% here"]
+    heads = ["from", *(f"{fleet.title} MW" for fleet in shown), "stored MWh", "% here"]
     hours = n * plan.step_min / 60.0
     title = f"Common schedule, {hours:g} h: what to do until an outage shows"
     return grid(title, rows, *heads)

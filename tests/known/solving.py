@@ -77,7 +77,7 @@ def power(found: Solved) -> tuple[Floats, Floats]:
     has = problem.standard.has
 
     def add(total: Floats, devices: tuple, values: Floats) -> None:
-        np.add.at(total, problem.microgrid.at(devices), values)
+        np.add.at(total, problem.microgrid.bus_index(devices), values)
 
     if case.load:
         served = found["load.shed"] - problem.data["load.demand"]

@@ -44,7 +44,7 @@ def power_flow(found: Solved, t: int) -> tuple[Floats, Floats]:
 def roots_of(found: Solved, t: int) -> list[int]:
     """One bus per live island: that of a grid if there is one."""
     situation, microgrid = found.problem.situation, found.problem.microgrid
-    at_grid = set(microgrid.at(found.problem.case.grid).tolist())
+    at_grid = set(microgrid.bus_index(found.problem.case.grid).tolist())
     order = sorted(np.flatnonzero(situation.forming), key=lambda b: int(b) not in at_grid)
     roots: dict[int, int] = {}
     for bus in order:

@@ -182,7 +182,7 @@ def unmerged(case: Case) -> CaseProgram:
     buses = np.arange(len(network.bus_names))
     grid = Microgrid(case, "copperplate", network, buses, lines, fallible)
     labels = [case.slot_label(t) for t in range(case.slots)]
-    standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(case))
+    standard = unroll([grid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(grid))
     situation = grid.situation(status(case))
     return CaseProgram(grid, standard, situation, grid.data(situation), grid.start())
 

@@ -12,6 +12,7 @@ from resilience.case.checks.units import check_units
 from resilience.case.document import entry_name
 from resilience.case.networks.network import Network
 from resilience.case.reading import show
+from resilience.case.schema import DEVICES
 from resilience.case.tariff import wrong_tariff
 
 
@@ -75,14 +76,12 @@ def _keys_in_file(parts: Parts, kind: str, name: str) -> set[str]:
 
 
 def _check_forming(parts: Parts) -> None:
-    kinds = ("grid", "ess", "generator")
+    kinds = [k for k, d in DEVICES.items() if "grid_forming" in d.table.model_fields]
     units = [device for kind in kinds for device, _ in parts.devices.get(kind, [])]
     if all(unit.grid_forming is False for unit in units):
-        value = (
-            f"false for all {len(units)} units"
-            if units
-            else "no [[grid]], [[ess]] or [[generator]]"
-        )
+        names = [f"[[{kind}]]" for kind in kinds]
+        none = f"no {', '.join(names[:-1])} or {names[-1]}"
+        value = f"false for all {len(units)} units" if units else none
         hint = "without a grid-forming unit every bus is dead; add one"
         parts.document.add((), "", "grid_forming", value, "true for at least one unit", hint)
 

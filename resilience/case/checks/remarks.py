@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from resilience.case.data import Case
+from resilience.case.schema import DeviceTable, GridTable, LoadTable
+
+_REACTIVE_KEYS = ("s_mva", "q_max_mvar")
+"""Keys by which a device has reactive power, of an inverter and of a machine."""
 
 
 def remarks(case: Case) -> list[str]:
@@ -12,18 +16,30 @@ def remarks(case: Case) -> list[str]:
 
 def _without_reactive_power(case: Case) -> list[str]:
     """A remark on units that can carry an island alone, but not the reactive power of its loads."""
-    if all(load.power_factor == 1.0 for load in case.load):
+    if all(load.power_factor == 1.0 for load in case.tables_of(LoadTable)):
         return []
-    storage = [f"[[ess]] {t.name}" for t in case.ess if t.grid_forming and t.s_mva is None]
     units = [
-        f"[[generator]] {t.name}" for t in case.generator if t.grid_forming and t.q_max_mvar <= 0.0
+        (f"[[{kind}]] {unit.name}", key)
+        for kind, tables in case.devices.items()
+        for unit in tables
+        if not isinstance(unit, GridTable) and (key := _missing_key(unit)) is not None
     ]
-    keys = [key for key, names in (("s_mva", storage), ("q_max_mvar", units)) if names]
+    keys = [key for key in _REACTIVE_KEYS if key in {missing for _, missing in units}]
     if not keys:
         return []
+    names = ", ".join(name for name, _ in units)
     return [
-        f"{', '.join(storage + units)}: grid-forming without {' or '.join(keys)}, so without "
+        f"{names}: grid-forming without {' or '.join(keys)}, so without "
         "reactive power; an island that has no other source of it sheds every load with a power "
         "factor below 1 on lindistflow and distflow\n"
         f"hint: give {' and '.join(keys)}, or set grid_forming = false"
     ]
+
+
+def _missing_key(unit: DeviceTable) -> str | None:
+    """The key that would give a grid-forming unit the reactive power that it lacks."""
+    if not getattr(unit, "grid_forming", False):
+        return None
+    keys = [key for key in _REACTIVE_KEYS if key in type(unit).model_fields]
+    powers = [getattr(unit, key) or 0.0 for key in keys]
+    return keys[0] if keys and max(powers) <= 0.0 else None

@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from resilience.case.checks.parts import Parts
-from resilience.case.schema import GeneratorTable, HeadTable, LoadTable
+from resilience.case.schema import DeviceTable, HeadTable
 
 
-def reserve_price_range(
-    generators: Iterable[GeneratorTable], loads: Iterable[LoadTable]
-) -> tuple[float, float]:
+def reserve_price_range(devices: Iterable[DeviceTable]) -> tuple[float, float]:
     """The marginal cost of the dearest generator and the price of the cheapest shedding, $/MWh.
 
     At a price below the first, a reserve is never built from a generator; above the second, load is
     shed to keep it.
     """
-    low = max((unit.marginal_cost_per_mwh for unit in generators), default=0.0)
-    high = min((load.shed_cost_per_mwh * load.priority for load in loads), default=0.0)
-    return low, high
+    devices = tuple(devices)
+    costs = [cost for d in devices if (cost := d.marginal_cost_per_mwh) is not None]
+    losses = [price for d in devices if (price := d.shed_price_per_mwh) is not None]
+    return max(costs, default=0.0), min(losses, default=0.0)
 
 
 def check_reserve(parts: Parts, head: HeadTable) -> None:
@@ -26,8 +25,7 @@ def check_reserve(parts: Parts, head: HeadTable) -> None:
     price = head.reserve_price_per_mwh
     if price is None:
         return
-    generators, loads = ([t for t, _ in parts.devices.get(k, [])] for k in ("generator", "load"))
-    low, high = reserve_price_range(generators, loads)
+    low, high = reserve_price_range(device for _, device, _ in parts.all_devices())
     if low < price < high:
         return
     key = "reserve_price_per_mwh"

@@ -8,6 +8,7 @@ from typing import Any
 
 from resilience.case.checks.parts import Parts
 from resilience.case.networks.network import Network
+from resilience.case.schema import LoadTable
 
 _POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
 _MAX_CURRENT_KA = 10.0
@@ -61,7 +62,8 @@ def _check_current(
 
 def _check_impedances(parts: Parts) -> None:
     """Refuses an inline line on which the whole load would lose many times the voltage."""
-    load_mw = sum(load.p_max_mw or 0.0 for load, _ in parts.devices.get("load", []))
+    loads = [device for _, device, _ in parts.all_devices() if isinstance(device, LoadTable)]
+    load_mw = sum(load.p_max_mw or 0.0 for load in loads)
     for line, title in parts.inline.lines:
         vn_kv = parts.inline.buses[line.from_].vn_kv
         limit_ohm = _MAX_DROP_PU * vn_kv**2 / load_mw if load_mw > 0 else math.inf

@@ -1,6 +1,23 @@
 """The tables of a case file; their JSON Schema is the reference of the format."""
 
+from resilience.case.schema.devices import (
+    DeviceTable,
+    ESSTable,
+    GeneratorTable,
+    GridTable,
+    LoadTable,
+    PVTable,
+)
 from resilience.case.schema.fields import Table
+from resilience.case.schema.registry import (
+    DEVICES,
+    DeviceKind,
+    case_schema,
+    case_table,
+    defaults_table,
+    register_device,
+    unregister_device,
+)
 from resilience.case.schema.storm import (
     CloudTable,
     CurveTable,
@@ -10,34 +27,23 @@ from resilience.case.schema.storm import (
     StormTable,
 )
 from resilience.case.schema.tables import (
-    DEVICES,
     BranchTable,
     BusTable,
-    CaseTable,
-    DefaultsTable,
-    DeviceTable,
-    ESSTable,
-    GeneratorTable,
-    GridTable,
     HeadTable,
     LineTable,
-    LoadTable,
     NetworkTable,
     OutageTable,
     ProfilesTable,
-    PVTable,
     TimeTable,
-    case_schema,
 )
 
 __all__ = [
     "DEVICES",
     "BranchTable",
     "BusTable",
-    "CaseTable",
     "CloudTable",
     "CurveTable",
-    "DefaultsTable",
+    "DeviceKind",
     "DeviceTable",
     "ESSTable",
     "ForecastTable",
@@ -56,4 +62,8 @@ __all__ = [
     "Table",
     "TimeTable",
     "case_schema",
+    "case_table",
+    "defaults_table",
+    "register_device",
+    "unregister_device",
 ]

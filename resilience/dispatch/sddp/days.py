@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.models.components import device_fleets
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -61,10 +62,10 @@ def past_days(case: Case) -> Days:
 
 def _cut_into_days(case: Case, per_day: int) -> Days:
     size: dict[str, float] = {}
-    for sign, tables in ((1.0, case.load), (-1.0, case.pv)):
-        for table in tables:
-            if table.profile is not None:
-                size[table.profile] = size.get(table.profile, 0.0) + sign * table.p_max_mw
+    for fleet in device_fleets(case).values():
+        for profile, fed_mw in fleet.expected():
+            if profile is not None:
+                size[profile] = size.get(profile, 0.0) - fed_mw
     offset = case.window.slots_before_start
     count = -(-(offset + case.slots) // per_day)
     series = np.full((len(size), count * per_day), np.nan)

@@ -38,7 +38,7 @@ class Fleet:
     @classmethod
     def of(cls, case: Case) -> Fleet:
         """The fleet of a case, over one slot: profiles come from elsewhere."""
-        at = Microgrid.of(case, "copperplate").at(case.ess)
+        at = Microgrid.of(case, "copperplate").bus_index(case.ess)
         alike = [_alike(unit, int(bus)) for unit, bus in zip(case.ess, at, strict=True)]
         kinds = list(dict.fromkeys(alike))
         member = np.array([kinds.index(kind) for kind in alike], np.intp)

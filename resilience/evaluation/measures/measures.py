@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats
+from resilience.case.schema import LoadTable
 from resilience.evaluation.measures import metrics
 from resilience.evaluation.measures.metrics import Adequacy, InterruptionIndices, Service
 from resilience.evaluation.measures.trapezoid import Trapezoid, lines_up_ratio, trapezoid
@@ -21,19 +22,11 @@ if TYPE_CHECKING:
 
 def critical_loads(case: Case) -> Bools:
     """(loads,) those marked `critical`; where none is, those of a priority above 1."""
-    marked = np.array([load.critical for load in case.load], bool)
+    loads = case.tables_of(LoadTable)
+    marked = np.array([load.critical for load in loads], bool)
     if marked.any():
         return marked
-    return np.array([load.priority > 1.0 for load in case.load], bool)
-
-
-def demand(world: World) -> Floats:
-    """(loads, slots, scenarios) MW that loads ask for."""
-    case = world.microgrid.case
-    every = np.arange(case.slots)
-    shape = (len(case.load), case.slots, world.scenarios.n)
-    rows = [load.p_max_mw * world.profile(load.profile, every) for load in case.load]
-    return np.array(rows).reshape(shape)
+    return np.array([load.priority > 1.0 for load in loads], bool)
 
 
 @dataclass(frozen=True)
@@ -79,9 +72,9 @@ def measure(world: World, trajectory: Trajectory, demand_mw: Floats) -> Measures
     """
     case = world.microgrid.case
     # The recourse sheds to within rounding of 0 and of the demand.
-    shed = np.clip(trajectory.flow("load.shed"), 0.0, demand_mw)
+    shed = np.clip(trajectory.shed, 0.0, demand_mw)
     critical = critical_loads(case)
-    priority = np.array([load.priority for load in case.load])
+    priority = np.array([load.priority for load in case.tables_of(LoadTable)])
     weights = {"critical": critical, "priority": priority}
     likely = world.scenarios.probability
     first = np.flatnonzero(np.diff(world.day, prepend=world.day[0] - 1))

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Floats, Ints
+from resilience.case.schema import GridTable, LoadTable
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 
@@ -43,9 +44,9 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
     graph.add_nodes_from(range(len(network.bus_names)))
     ends = zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)
     graph.add_edges_from((i, j, k) for k, (i, j) in enumerate(ends) if network.in_service[k])
-    roots = {network.bus(grid.bus) for grid in case.grid}
+    roots = {network.bus(grid.bus) for grid in case.tables_of(GridTable)}
     load = np.zeros(len(network.bus_names))
-    for table in case.load:
+    for table in case.tables_of(LoadTable):
         load[network.bus(table.bus)] += table.p_max_mw
     behind_mw = np.zeros(len(lines))
     for row, name in enumerate(lines):

@@ -13,9 +13,12 @@ from resilience.models.network.situation import Situation
 
 @dataclass(frozen=True)
 class Injection:
-    """Power that a component feeds into its buses: p in MW, q in Mvar, one entry per bus index.
+    """Power that a component feeds into its buses, one entry per bus index.
 
-    `q` is None where the stage carries no reactive power.
+    Attributes:
+        p: MW.
+        q: Mvar; None of devices without reactive power, and where the stage carries none.
+        bus: index of the bus of every entry.
     """
 
     p: Affine
@@ -24,7 +27,7 @@ class Injection:
 
 
 class Component(Protocol):
-    """A fleet of like devices."""
+    """Anything that emits into a stage: a fleet of like devices, the lines, the voltages."""
 
     def emit(self, stage: Stage) -> Injection | None:
         """Declares variables, rows, structures and costs; returns what it feeds in."""
@@ -51,8 +54,8 @@ def inverter(stage: Stage, name: str, p: Affine, s_mva: Floats, rated: Ints) -> 
     labels: Labels = p.labels or ()
     if not len(rated):
         return Affine.constant(0.0, p.n)
-    of = [labels[i] for i in rated]
-    limit = stage.data(f"{name}.q_max", of, unit="Mvar", about="reactive power limit")
-    q = stage.var(f"{name}.q", of, -limit, limit, unit="Mvar", about="reactive power fed in")
+    names = [labels[i] for i in rated]
+    limit = stage.data(f"{name}.q_max", names, unit="Mvar", about="reactive power limit")
+    q = stage.var(f"{name}.q", names, -limit, limit, unit="Mvar", about="reactive power fed in")
     stage.disc(f"{name}.rating", s_mva, p[rated], q)
     return scatter(q, rated, p.n, labels)

@@ -25,31 +25,38 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.algebra import Labels
+from resilience.case.schema import ESSTable
 from resilience.models.components.base import Injection, inverter
+from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-if TYPE_CHECKING:
-    from resilience.case.schema import ESSTable
-
 
 @dataclass(frozen=True)
-class ESS:
-    """All storage units; `bus` are indices (units,)."""
+class ESS(DeviceFleet):
+    """All storage units."""
+
+    kind: ClassVar[str] = "ess"
+    role: ClassVar[Role] = "storage"
+    title: ClassVar[str] = "storage"
+    colour: ClassVar[str] = "#0072b2"
+    flows: ClassVar = {"ess.discharge": 1.0, "ess.charge": -1.0}
+    limit: ClassVar[str] = "ess.discharge_max"
+    fed: ClassVar = EnergyTerm("discharge", "discharged")
+    taken: ClassVar = EnergyTerm("charge", "charged")
+    stored: ClassVar = "ess.energy"
 
     tables: Sequence[ESSTable]
-    bus: Ints
 
-    @property
-    def names(self) -> Labels:
-        """Names in the order of all arrays."""
-        return tuple(t.name for t in self.tables)
+    @classmethod
+    def showcase(cls) -> ESSTable:
+        """A unit with an inverter rating."""
+        return ESSTable(name="ess", bus="1", p_max_mw=1.0, e_mwh=1.0, s_mva=1.1)
 
     @property
     def rated(self) -> Ints:
@@ -64,6 +71,24 @@ class ESS:
     def _array(self, key: str) -> Floats:
         return np.array([getattr(t, key) for t in self.tables], float)
 
+    def power_range(self) -> tuple[Floats, Floats]:
+        """The charging limit, negative, and the discharging limit."""
+        return -self._array("p_max_mw"), -self._array("p_min_mw")
+
+    def capacity(self) -> tuple[Floats, Floats]:
+        """Its limits, or the inverter's rating where that is more."""
+        rating = np.array([t.s_mva or 0.0 for t in self.tables])
+        least, most = self.power_range()
+        return np.maximum(most, rating), np.maximum(-least, rating)
+
+    def size_mw(self) -> Floats:
+        """The charging limit."""
+        return self._array("p_max_mw")
+
+    def size_mwh(self) -> Floats:
+        """Energy capacity."""
+        return self._array("e_mwh")
+
     def emit(self, stage: Stage) -> Injection:
         """Discharge less charge; the energy is the state."""
         size = self._array("e_mwh")
@@ -75,13 +100,13 @@ class ESS:
             unit="MWh",
             about="stored energy",
         )
-        most = [
+        charge_max, discharge_max = (
             stage.data(f"ess.{way}_max", self.names, about=f"{way} limit")
             for way in ("charge", "discharge")
-        ]
+        )
         limits = self._array("p_max_mw"), -self._array("p_min_mw")
         charge, discharge = stage.split(
-            "ess", self.names, (most[0], most[1]), limits, parts=("charge", "discharge")
+            "ess", self.names, (charge_max, discharge_max), limits, parts=("charge", "discharge")
         )
         gain = charge * self._array("efficiency_charge")
         drain = discharge * (1.0 / self._array("efficiency_discharge"))

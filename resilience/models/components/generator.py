@@ -35,37 +35,73 @@ times there is no binary.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.algebra import Affine, Labels, scatter
+from resilience.case.schema import GeneratorTable
+from resilience.models.algebra import Affine, scatter
 from resilience.models.components.base import Injection
+from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-if TYPE_CHECKING:
-    from resilience.case.schema import GeneratorTable
+_COMMITMENT = ("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
+"""Keys that need an on/off decision where they are not 0."""
 
 
 @dataclass(frozen=True)
-class Generators:
-    """All generators; `bus` are indices (units,)."""
+class Generators(DeviceFleet):
+    """All generators."""
+
+    kind: ClassVar[str] = "generator"
+    role: ClassVar[Role] = "dispatchable"
+    title: ClassVar[str] = "generators"
+    colour: ClassVar[str] = "#d55e00"
+    flows: ClassVar = {"generator.p": 1.0}
+    limit: ClassVar[str] = "generator.p_max"
+    fed: ClassVar = EnergyTerm("generators", "generators")
+    running: ClassVar = "generator.on"
 
     tables: Sequence[GeneratorTable]
-    bus: Ints
 
-    @property
-    def names(self) -> Labels:
-        """Names in the order of all arrays."""
-        return tuple(t.name for t in self.tables)
+    @classmethod
+    def showcase(cls) -> GeneratorTable:
+        """A unit with commitment and ramps."""
+        return GeneratorTable(
+            name="generator",
+            bus="1",
+            p_max_mw=1.0,
+            p_min_mw=0.3,
+            start_cost=1.0,
+            min_up_h=1.0,
+            min_down_h=1.0,
+            ramp_up_mw_per_h=1.0,
+        )
 
-    def _array(self, key: str, of: Ints | None = None) -> Floats:
-        tables = self.tables if of is None else [self.tables[i] for i in of]
+    def power_range(self) -> tuple[Floats, Floats]:
+        """From nothing, standing still, to its greatest output."""
+        most = self._array("p_max_mw")
+        return np.zeros_like(most), most
+
+    def capacity(self) -> tuple[Floats, Floats]:
+        """Its greatest output, and reactive power where it has any."""
+        most = self._array("p_max_mw") + np.maximum(self._array("q_max_mvar"), 0.0)
+        return most, np.maximum(-self._array("q_min_mvar"), 0.0)
+
+    def merge_key(self, table: GeneratorTable) -> Hashable | None:
+        """Its price; a unit with a curve, ramps or commitment stays alone."""
+        limits = (table.cost_curve, table.ramp_up_mw_per_h, table.ramp_down_mw_per_h)
+        if any(x is not None for x in limits) or any(getattr(table, k) for k in _COMMITMENT):
+            return None
+        return float(table.cost_per_mwh)
+
+    def _array(self, key: str, units: Ints | None = None) -> Floats:
+        tables = self.tables if units is None else [self.tables[i] for i in units]
         return np.array([getattr(t, key) for t in tables], float)
 
     def _where(self, *keys: str) -> Ints:
@@ -74,7 +110,7 @@ class Generators:
     @cached_property
     def committed(self) -> Ints:
         """Units that need an on/off decision."""
-        return self._where("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
+        return self._where(*_COMMITMENT)
 
     @cached_property
     def ramped(self) -> Ints:
@@ -103,8 +139,8 @@ class Generators:
             if table.cost_curve is not None:
                 points = np.asarray(table.cost_curve, float).T
                 name = f"generator.curve.{table.name}"
-                at = np.flatnonzero(self.committed == i)
-                total = stage["generator.on"][at] if len(at) else 1.0
+                row = np.flatnonzero(self.committed == i)
+                total = stage["generator.on"][row] if len(row) else 1.0
                 spent = stage.piecewise(name, p[[i]], points[:1], points[1:], "$/h", total)
                 stage.cost("generator.energy", spent, stage.dt)
 
@@ -119,13 +155,13 @@ class Generators:
 
     def _commitment(self, stage: Stage, p: Affine, q: Affine | None) -> None:
         units = self.committed
-        of = [self.names[i] for i in units]
-        alive = stage.data("generator.alive", of, unit="1", about="whether its island is alive")
+        names = [self.names[i] for i in units]
+        alive = stage.data("generator.alive", names, unit="1", about="whether its island is alive")
         was, on = stage.state(
-            "generator.on", of, 0.0, alive, unit="1", about="running", integer=True
+            "generator.on", names, 0.0, alive, unit="1", about="running", integer=True
         )
-        start = stage.var("generator.start", of, 0.0, 1.0, unit="1", about="starts")
-        stop = stage.var("generator.stop", of, 0.0, 1.0, unit="1", about="stops")
+        start = stage.var("generator.start", names, 0.0, 1.0, unit="1", about="starts")
+        stop = stage.var("generator.stop", names, 0.0, 1.0, unit="1", about="stops")
         low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
         stage.le("generator.p_upper", p[units], on * high)
         stage.le("generator.p_lower", on * low, p[units])
@@ -147,7 +183,7 @@ class Generators:
         units = self._timed(way)
         if not len(units):
             return
-        at = np.searchsorted(self.committed, units)
+        rows = np.searchsorted(self.committed, units)  # of the timed units, among the committed
         hours = self._array(f"min_{way}_h", units)
         name = f"generator.{way}_left"
         now, after = stage.state(
@@ -158,10 +194,10 @@ class Generators:
         waived = lapsed = zero
         if way == "up":
             follows = np.array([not self.tables[i].grid_forming for i in units], float)
-            waived = (1.0 - alive[at]) * hours
-            lapsed = (1.0 - while_[at]) * (hours * follows)
-        stage.le(f"generator.min_{way}", now, while_[at] * hours + waived)
-        pace = begin[at] * np.maximum(hours - stage.dt, 0.0)
+            waived = (1.0 - alive[rows]) * hours
+            lapsed = (1.0 - while_[rows]) * (hours * follows)
+        stage.le(f"generator.min_{way}", now, while_[rows] * hours + waived)
+        pace = begin[rows] * np.maximum(hours - stage.dt, 0.0)
         stage.largest(name, after, now - lapsed - stage.dt, pace, zero)
 
     def _timed(self, way: str) -> Ints:
@@ -169,9 +205,9 @@ class Generators:
 
     def _ramps(self, stage: Stage, p: Affine) -> None:
         units, dt = self.ramped, stage.dt
-        of = [self.names[i] for i in units]
+        names = [self.names[i] for i in units]
         before, after = stage.state(
-            "generator.p_before", of, 0.0, self._array("p_max_mw", units), unit="MW",
+            "generator.p_before", names, 0.0, self._array("p_max_mw", units), unit="MW",
             about="power in the step before",
         )  # fmt: skip
         stage.eq("generator.remember", after, p[units])
@@ -181,7 +217,7 @@ class Generators:
         ]
         low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
         up, down = (np.minimum(limit, high) for limit in limits)
-        lost = stage.data("generator.lost", of, unit="MW", about="power lost to a dead island")
+        lost = stage.data("generator.lost", names, unit="MW", about="power lost to a dead island")
         start, stop = self._starts(stage, units)
         stage.le("generator.ramp_up", p[units] - before, start * low + up)
         stage.le("generator.ramp_down", before - p[units], stop * low + down + lost)
@@ -211,11 +247,11 @@ class Generators:
     def start(self) -> dict[str, Floats]:
         """Running or not, hours still to wait, and power in the step before."""
         on, hours = self._array("initial_on"), self._array("initial_hours")
-        found = {
+        states = {
             "generator.on": on[self.committed],
             "generator.p_before": (self._array("p_initial_mw") * on)[self.ramped],
         }
         for way, ours in (("up", on), ("down", 1.0 - on)):
-            left = np.maximum(self._array(f"min_{way}_h") - hours, 0.0) * ours
-            found[f"generator.{way}_left"] = left[self._timed(way)]
-        return found
+            remaining_h = np.maximum(self._array(f"min_{way}_h") - hours, 0.0) * ours
+            states[f"generator.{way}_left"] = remaining_h[self._timed(way)]
+        return states

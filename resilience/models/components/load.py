@@ -20,54 +20,83 @@ right-hand side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats
 from resilience.case.profiles import MAX_PU
-from resilience.models.algebra import Labels
+from resilience.case.schema import LoadTable
 from resilience.models.components.base import Injection
+from resilience.models.components.fleet import DeviceFleet, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-if TYPE_CHECKING:
-    from resilience.case.schema import LoadTable
-
 
 @dataclass(frozen=True)
-class Loads:
-    """All loads; `bus` are indices (loads,)."""
+class Loads(DeviceFleet):
+    """All loads."""
+
+    kind: ClassVar[str] = "load"
+    role: ClassVar[Role] = "load"
+    title: ClassVar[str] = "loads"
+    colour: ClassVar[str] = "#000000"
+    flows: ClassVar = {"load.shed": 1.0, "load.demand": -1.0}
+    limit: ClassVar[str] = "load.shed_min"
 
     tables: Sequence[LoadTable]
-    bus: Ints
 
-    @property
-    def names(self) -> Labels:
-        """Names in the order of all arrays."""
-        return tuple(t.name for t in self.tables)
+    @classmethod
+    def showcase(cls) -> LoadTable:
+        """A load that is served whole or not at all."""
+        return LoadTable(name="load", bus="1", p_max_mw=1.0, shed_cost_per_mwh=1.0, block=True)
+
+    def power_range(self) -> tuple[Floats, Floats]:
+        """From the peak, negative, to nothing."""
+        peak = np.array([t.p_max_mw for t in self.tables], float)
+        return -peak, np.zeros_like(peak)
+
+    def capacity(self) -> tuple[Floats, Floats]:
+        """It feeds in nothing, and takes the peak of its apparent power."""
+        demand = np.array([t.p_max_mw / t.power_factor for t in self.tables])
+        return np.zeros_like(demand), demand
+
+    def reactive_per_mw(self) -> Floats:
+        """From the power factor."""
+        return np.tan(np.arccos(np.array([t.power_factor for t in self.tables])))
+
+    def whole(self) -> Bools:
+        """Blocks."""
+        return np.array([t.block for t in self.tables], bool)
+
+    def expected(self) -> tuple[tuple[str | None, float], ...]:
+        """The demand's profile and the peak, negative."""
+        return tuple((t.profile, -t.p_max_mw) for t in self.tables)
+
+    def merge_key(self, table: LoadTable) -> Hashable | None:
+        """The price of shedding it; blocks stay alone."""
+        return None if table.block else table.shed_price_per_mwh
 
     def emit(self, stage: Stage) -> Injection:
         """Demand less what is shed."""
         demand = stage.data("load.demand", self.names, about="demand")
-        least = stage.data("load.shed_min", self.names, about="demand that cannot be reached")
-        shed = stage.var("load.shed", self.names, least, demand, about="demand shed")
-        price = np.array([t.shed_cost_per_mwh * t.priority for t in self.tables])
+        cut_off = stage.data("load.shed_min", self.names, about="demand that cannot be reached")
+        shed = stage.var("load.shed", self.names, cut_off, demand, about="demand shed")
+        price = np.array([t.shed_price_per_mwh for t in self.tables])
         stage.cost("load.shed", shed, price * stage.dt)
-        blocks = np.flatnonzero([t.block for t in self.tables])
+        blocks = np.flatnonzero(self.whole())
         if len(blocks):
             peak = MAX_PU * np.array([self.tables[int(i)].p_max_mw for i in blocks])
-            of = [self.names[i] for i in blocks]
-            on = stage.binary("load.on", of, about="whether a block is served")
-            served = stage.var("load.served", of, 0.0, peak, about="demand of blocks served")
+            names = [self.names[i] for i in blocks]
+            on = stage.binary("load.on", names, about="whether a block is served")
+            served = stage.var("load.served", names, 0.0, peak, about="demand of blocks served")
             stage.eq("load.block", served + shed[blocks], demand[blocks])
             stage.le("load.block_served", served, on * peak)
             stage.le("load.block_shed", shed[blocks], (1.0 - on) * peak)
         p = shed - demand
-        factor = np.array([t.power_factor for t in self.tables])
-        q = p * np.tan(np.arccos(factor)) if stage.reactive else None
+        q = p * self.reactive_per_mw() if stage.reactive else None
         return Injection(p, q, self.bus)
 
     def data(self, situation: Situation) -> dict[str, Floats]:
@@ -78,7 +107,3 @@ class Loads:
             "load.demand": demand,
             "load.shed_min": demand * (1.0 - situation.alive_at(self.bus)),
         }
-
-    def start(self) -> dict[str, Floats]:
-        """None: loads have no memory."""
-        return {}

@@ -13,33 +13,57 @@ p_i^2 + q_i^2 \le S_i^2, \qquad C = \Delta t \sum_i c_i p_i $$
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.models.algebra import Labels
+from resilience.case.schema import PVTable
 from resilience.models.components.base import Injection, inverter
+from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-if TYPE_CHECKING:
-    from resilience.case.schema import PVTable
-
 
 @dataclass(frozen=True)
-class PV:
-    """All PV plants; `bus` are indices (plants,)."""
+class PV(DeviceFleet):
+    """All PV plants."""
+
+    kind: ClassVar[str] = "pv"
+    role: ClassVar[Role] = "weather"
+    title: ClassVar[str] = "PV"
+    colour: ClassVar[str] = "#f0c93a"
+    flows: ClassVar = {"pv.p": 1.0}
+    limit: ClassVar[str] = "pv.available"
+    fed: ClassVar = EnergyTerm("pv", "PV")
+    curtailed: ClassVar = EnergyTerm("pv_curtailed", "PV curtailed")
 
     tables: Sequence[PVTable]
-    bus: Ints
 
-    @property
-    def names(self) -> Labels:
-        """Names in the order of all arrays."""
-        return tuple(t.name for t in self.tables)
+    @classmethod
+    def showcase(cls) -> PVTable:
+        """A plant with an inverter rating."""
+        return PVTable(name="pv", bus="1", p_max_mw=1.0, s_mva=1.1)
+
+    def power_range(self) -> tuple[Floats, Floats]:
+        """From nothing to the output at a profile of 1."""
+        most = np.array([t.p_max_mw for t in self.tables], float)
+        return np.zeros_like(most), most
+
+    def capacity(self) -> tuple[Floats, Floats]:
+        """Its output, or the inverter's rating where that is more; it takes reactive power only."""
+        rating = np.array([t.s_mva or 0.0 for t in self.tables])
+        return np.maximum(self.power_range()[1], rating), rating
+
+    def expected(self) -> tuple[tuple[str | None, float], ...]:
+        """The sun's profile and the output at its 1."""
+        return tuple((t.profile, t.p_max_mw) for t in self.tables)
+
+    def merge_key(self, table: PVTable) -> Hashable:
+        """Whether it can be curtailed, and its price."""
+        return table.curtailable, table.cost_per_mwh
 
     @property
     def rated(self) -> Ints:
@@ -71,7 +95,3 @@ class PV:
             "pv.must_take": available * forced[:, None],
             "pv.q_max": self.s_mva[:, None] * alive[self.rated],
         }
-
-    def start(self) -> dict[str, Floats]:
-        """None."""
-        return {}

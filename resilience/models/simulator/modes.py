@@ -8,6 +8,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
+from resilience.models.components import in_roles
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import PRICE_TOLERANCE
 
@@ -27,7 +28,12 @@ def modes(plant: Plant, prices: Floats) -> list[Bools]:
     Raises:
         UsageError: too many connections would earn.
     """
-    ways = [np.flatnonzero(plant.kinds == f"grid.{way}") for way in ("import", "export")]
+    exchanges = in_roles(plant.microgrid.fleets.values(), "exchange")
+    flows = [(name, sign) for fleet in exchanges for name, sign in fleet.flows.items()]
+    ways = [
+        np.flatnonzero(np.isin(plant.kinds, [name for name, sign in flows if sign * way > 0]))
+        for way in (1.0, -1.0)
+    ]
     both = np.stack(ways)[:, prices[ways[0]] + prices[ways[1]] < -PRICE_TOLERANCE]
     if both.shape[1] > MAX_CONNECTIONS:
         raise UsageError(

@@ -18,6 +18,7 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError, UsageError
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
+from resilience.models.components import in_roles
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Vectors
@@ -151,7 +152,9 @@ class _Batch:
         for columns, power in zip(plant.stored, request, strict=True):
             upper[:, table[columns]] = power.T
             cost[table[columns]] -= order_worth
-        must = np.flatnonzero((plant.kinds == "pv.p") & (plant.sign[:, 0] > 0))
+        weather = in_roles(plant.microgrid.fleets.values(), "weather")
+        weather_flows = [name for fleet in weather for name in fleet.flows]
+        must = np.flatnonzero(np.isin(plant.kinds, weather_flows) & (plant.sign[:, 0] > 0))
         columns = table[plant.sources[must]]
         intake = lower[:, columns].T.copy()
         must, intake = must[intake.any(1)], intake[intake.any(1)]

@@ -23,6 +23,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
+from resilience.models.components import in_roles
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 from resilience.models.simulator.merit import fill, merit_order
@@ -118,9 +119,13 @@ class Simulator(Plant):
         self.recourse = recourse
         if recourse == "paper":
             check_paper(self)
-        blocks = {load.name for load in microgrid.case.load if load.block}
-        is_block = [name in {f"load.shed[{b}]" for b in blocks} for name in self.columns]
-        self._blocks: Ints = np.flatnonzero(is_block)
+        blocks = {
+            f"{fleet.shed}[{name}]"
+            for fleet in in_roles(microgrid.fleets.values(), "load")
+            for name, whole in zip(fleet.names, fleet.whole(), strict=True)
+            if whole
+        }
+        self._blocks: Ints = np.flatnonzero([name in blocks for name in self.columns])
         self._orders: dict[bytes, Order] = {}
         self._priced_orders: dict[bytes, list[Priced]] = {}
 

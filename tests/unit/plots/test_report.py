@@ -11,7 +11,7 @@ import resilience as rs
 from resilience.evaluation.comparison import Comparison
 from resilience.evaluation.verdict import verdict
 from resilience.plots.report_data import daily_cost, records
-from resilience.plots.style import COLOURS
+from resilience.plots.style import colours
 from tests.unit.plots.stormy import by_hand, chain, compared, cut
 
 # Machado, Oliveira, Fernandes (2009), severity 1, on linear RGB.
@@ -100,9 +100,9 @@ def test_one_episode_says_nothing_about_luck() -> None:
 
 def test_the_colour_blind_can_tell_sources_apart() -> None:
     """CIELAB distances of 15 are plain to see; just noticeable is about 2."""
-    names = [name for name in COLOURS if name != "demand"]
+    names = [name for name in colours() if name != "demand"]
     for matrix in BLIND.values():
-        seen = np.array([lab(COLOURS[name], matrix) for name in names])
+        seen = np.array([lab(colours()[name], matrix) for name in names])
         apart = np.linalg.norm(seen[:, None] - seen[None], axis=2)
         assert apart[~np.eye(len(names), dtype=bool)].min() > 15
 

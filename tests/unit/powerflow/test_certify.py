@@ -8,9 +8,9 @@ import pytest
 
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
+from resilience.models.ac_check import connected, roots
 from resilience.models.case_program import status
 from resilience.models.microgrid import Microgrid
-from resilience.models.network.ac_check import connected, roots
 from resilience.planning.ac_check import ac_check_plan
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve

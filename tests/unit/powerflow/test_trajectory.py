@@ -13,11 +13,11 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation import ac_check as certify
 from resilience.evaluation.ac_check import ac_check_trajectory
-from resilience.evaluation.measures.measures import demand
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
+from resilience.models.ac_check import connected, roots
 from resilience.models.microgrid import Microgrid
-from resilience.models.network.ac_check import connected, roots
+from resilience.simulation.powers import demand
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
 from resilience.testing import small_case

@@ -10,7 +10,7 @@ import pytest
 
 import resilience as rs
 from resilience.files import replacing
-from resilience.planning.tables import UNITS
+from resilience.planning.tables import table_units
 
 HEAD = """
 name = "small"
@@ -47,7 +47,7 @@ def storm() -> rs.Plan:
 
 
 def test_every_table_has_a_unit_and_a_column_per_label(storm: rs.Plan) -> None:
-    assert set(storm.tables) <= set(UNITS)
+    assert set(storm.tables) <= set(table_units())
     for table in storm.tables.values():
         assert table.values.shape == (len(table.labels), 96)
 

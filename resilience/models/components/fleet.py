@@ -1,0 +1,188 @@
+"""What a fleet of devices is: a component, and the facts of it that everybody else reads.
+
+Capacities, islands, plan tables, energy balances, pictures, reports, AC checks and rules are made
+from these facts, so that nobody but the fleet itself knows which kinds of devices there are.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from resilience.arrays import Bools, Floats, Ints
+from resilience.case.schema import DeviceTable
+from resilience.models.algebra import Labels
+from resilience.models.components.base import Injection
+from resilience.models.language.stage import Stage
+from resilience.models.network.situation import Situation
+
+Role = Literal["dispatchable", "weather", "storage", "exchange", "load"]
+"""What a fleet is to the rest of the microgrid.
+
+- dispatchable: feeds in when it is called on, within `power_range`;
+- weather: feeds in up to what the weather offers, its `expected` power;
+- storage: moves energy in time, its state is `stored`;
+- exchange: trades with a grid outside; its tables extend `GridTable`;
+- load: takes its `expected` power, the datum `<kind>.demand`, or sheds it, the variable
+  `<kind>.shed`; its tables extend `LoadTable`.
+"""
+
+
+@dataclass(frozen=True)
+class EnergyTerm:
+    """One term of the energy balance.
+
+    Attributes:
+        key: its key in `Plan.energy_mwh`.
+        words: what reports call it.
+    """
+
+    key: str
+    words: str
+
+
+@dataclass(frozen=True)
+class DeviceFleet(ABC):
+    """All devices of one kind in a microgrid.
+
+    A new kind gives the class variables without a default, `emit`, `data` and `power_range`, and
+    overrides the facts whose defaults do not fit. Arrays are (devices,), in the order of `tables`.
+
+    Attributes:
+        kind: key of its tables in case files; names of its variables, data and rows begin with it.
+        role: see `Role`.
+        title: what pictures call the fleet.
+        colour: of its power in pictures, `#rrggbb`.
+        flows: what its power in MW is made of: names of variables and data, each with the sign
+            with which it feeds in.
+        fed, taken: terms of the energy balance for what it feeds in and takes; loads have neither,
+            their demand and what is shed are terms of their own.
+        curtailed: term for what the weather offered and nobody took.
+        limit: name of the datum with the most that it can feed in, MW: what the weather offers, or
+            what the devices are able to. Of a load, with the least that is shed.
+        stored: name of its state of stored energy, MWh; None of all but storage.
+        running: name of its variable that is 1 where a device runs; None without commitment.
+        tables: one table per device.
+        bus: index of every device's bus.
+    """
+
+    kind: ClassVar[str]
+    role: ClassVar[Role]
+    title: ClassVar[str]
+    colour: ClassVar[str]
+    flows: ClassVar[Mapping[str, float]]
+    limit: ClassVar[str]
+    fed: ClassVar[EnergyTerm | None] = None
+    taken: ClassVar[EnergyTerm | None] = None
+    curtailed: ClassVar[EnergyTerm | None] = None
+    stored: ClassVar[str | None] = None
+    running: ClassVar[str | None] = None
+
+    tables: Sequence[DeviceTable]
+    bus: Ints
+
+    @classmethod
+    @abstractmethod
+    def showcase(cls) -> DeviceTable:
+        """A table with every option that makes the fleet emit more, for the table of symbols."""
+
+    @abstractmethod
+    def emit(self, stage: Stage) -> Injection:
+        """Declares variables, rows, structures and costs; returns what it feeds in."""
+
+    @abstractmethod
+    def data(self, situation: Situation) -> dict[str, Floats]:
+        """Every datum it declared, arrays (devices, nodes)."""
+
+    def start(self) -> dict[str, Floats]:
+        """Its states at the start, arrays (devices,); none by default."""
+        return {}
+
+    @property
+    def names(self) -> Labels:
+        """Names of the devices."""
+        return tuple(table.name for table in self.tables)
+
+    @property
+    def demand(self) -> str:
+        """Name of a load's datum of what it asks for, MW."""
+        return f"{self.kind}.demand"
+
+    @property
+    def shed(self) -> str:
+        """Name of a load's variable of what is not served, MW."""
+        return f"{self.kind}.shed"
+
+    @property
+    def reactive(self) -> str:
+        """Name of its variable of reactive power, Mvar, if it has one."""
+        return f"{self.kind}.q"
+
+    @abstractmethod
+    def power_range(self) -> tuple[Floats, Floats]:
+        """Least and greatest power that every device can feed in, MW; taking is negative."""
+
+    def capacity(self) -> tuple[Floats, Floats]:
+        """What every device can feed in and take at most, MVA, reactive power included.
+
+        It bounds what lines can be asked to carry: too much is harmless, too little is wrong.
+        """
+        least, most = self.power_range()
+        return np.maximum(most, 0.0), np.maximum(-least, 0.0)
+
+    def size_mw(self) -> Floats:
+        """Nominal power, MW, as lists of devices show it."""
+        least, most = self.power_range()
+        return np.maximum(most, -least)
+
+    def size_mwh(self) -> Floats:
+        """Energy that every device can hold, MWh."""
+        return np.zeros(len(self.tables))
+
+    def forming(self) -> Bools:
+        """Whether a device can carry an island alone: those whose table says `grid_forming`."""
+        return np.array([getattr(t, "grid_forming", False) for t in self.tables], bool)
+
+    def voltage_pu(self) -> Floats:
+        """Voltage that a device holds at its bus, pu; NaN where it holds none."""
+        return np.full(len(self.tables), np.nan)
+
+    def reactive_per_mw(self) -> Floats:
+        """Mvar that go with every MW of devices with a constant power factor; else 0."""
+        return np.zeros(len(self.tables))
+
+    def whole(self) -> Bools:
+        """Whether a load can only be served whole."""
+        return np.zeros(len(self.tables), bool)
+
+    def expected(self) -> tuple[tuple[str | None, float], ...]:
+        """Of every device whose power follows a profile: the profile, and MW fed in at its 1.
+
+        Demand is negative. Forecasts err in these profiles; what nobody can foretell otherwise,
+        such as the power of a dispatchable unit, is not here.
+        """
+        return ()
+
+    def profiles(self) -> tuple[str | None, ...]:
+        """Every profile that its data follow, prices included."""
+        return tuple(profile for profile, _ in self.expected())
+
+    def merge_key(self, table: Any) -> Hashable | None:
+        """What devices at one bus share that no program at copperplate can tell apart.
+
+        Such devices become one, of their total `p_max_mw` and the mean of their profiles. None: the
+        device stays alone.
+        """
+        return None
+
+    def power(self, values: Callable[[str], Floats]) -> Floats:
+        """MW fed in, (devices, ...), from the values of the variables and data in `flows`."""
+        total: Floats | None = None
+        for name, sign in self.flows.items():
+            part = sign * values(name)
+            total = part if total is None else total + part
+        return np.empty(0) if total is None else total
