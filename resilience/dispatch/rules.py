@@ -43,7 +43,7 @@ class Greedy:
         fleets = world.microgrid.fleets.values()
         net = np.zeros(observation.island.shape)
         for fleet in in_roles(fleets, "load"):
-            np.add.at(net, fleet.bus, now.data[fleet.demand] - now.data[fleet.limit])
+            np.add.at(net, fleet.bus, now.data[fleet.demand] - now.data[fleet.shed_min])
         for fleet in in_roles(fleets, "weather"):
             np.add.at(net, fleet.bus, -now.data[fleet.limit])
         need = self._at_units(net, observation)

@@ -31,7 +31,6 @@ class Pumps(DeviceFleet):
     title: ClassVar[str] = "pumps"
     colour: ClassVar[str] = "#56b4e9"
     flows: ClassVar = {"pump.shed": 1.0, "pump.demand": -1.0}
-    limit: ClassVar[str] = "pump.shed_min"
 
     tables: Sequence[PumpTable]
 

@@ -243,7 +243,7 @@ def test_a_new_load_counts_where_dispatchers_are_judged() -> None:
     assert measures.daily_shed_mwh.sum() > 4.0
 
 
-def test_what_nobody_could_handle_is_refused() -> None:
+def test_what_nobody_could_handle_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UsageError, match=r"\[\[turbine\]\] already means something"):
         register_device(TURBINE)
     with pytest.raises(UsageError, match=r"\[\[network\]\] already means something"):
@@ -256,6 +256,9 @@ def test_what_nobody_could_handle_is_refused() -> None:
     register_device(DeviceKind("pump", DeviceTable, "tests.conformance.pump:Pumps"))
     with pytest.raises(UsageError, match=r"DeviceTable of .* is no LoadTable"):
         fleet_class("pump")
+    monkeypatch.setattr(turbine.Turbines, "curtailed", None)
+    with pytest.raises(UsageError, match="Turbines has the role 'weather', but no curtailed"):
+        fleet_class("turbine")
     unregister_device("pump")
     register_device(DeviceKind("pump", PumpTable, "tests.conformance.turbine:Turbines"))
     with pytest.raises(UsageError, match="allowed: a DeviceFleet of the kind 'pump'"):

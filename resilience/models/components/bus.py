@@ -25,7 +25,12 @@ from resilience.models.network.situation import Situation
 
 @dataclass(frozen=True)
 class Buses:
-    """Voltage band of every bus, (buses,) in pu; equal limits hold a voltage."""
+    """Voltage band of every bus.
+
+    Attributes:
+        names: of the buses.
+        v_min_pu, v_max_pu: (buses,) the band; equal limits hold a voltage.
+    """
 
     names: Labels
     v_min_pu: Floats

@@ -48,7 +48,7 @@ class ESS(DeviceFleet):
     flows: ClassVar = {"ess.discharge": 1.0, "ess.charge": -1.0}
     limit: ClassVar[str] = "ess.discharge_max"
     fed: ClassVar = EnergyTerm("discharge", "discharged")
-    taken: ClassVar = EnergyTerm("charge", "charged")
+    intake: ClassVar = EnergyTerm("charge", "charged")
     stored: ClassVar = "ess.energy"
 
     tables: Sequence[ESSTable]
@@ -78,8 +78,8 @@ class ESS(DeviceFleet):
     def capacity(self) -> tuple[Floats, Floats]:
         """Its limits, or the inverter's rating where that is more."""
         rating = np.array([t.s_mva or 0.0 for t in self.tables])
-        least, most = self.power_range()
-        return np.maximum(most, rating), np.maximum(-least, rating)
+        p_min, p_max = self.power_range()
+        return np.maximum(p_max, rating), np.maximum(-p_min, rating)
 
     def size_mw(self) -> Floats:
         """The charging limit."""

@@ -28,7 +28,7 @@ Role = Literal["dispatchable", "weather", "storage", "exchange", "load"]
 - storage: moves energy in time, its state is `stored`;
 - exchange: trades with a grid outside; its tables extend `GridTable`;
 - load: takes its `expected` power, the datum `<kind>.demand`, or sheds it, the variable
-  `<kind>.shed`; its tables extend `LoadTable`.
+  `<kind>.shed`, of which the datum `<kind>.shed_min` is out of reach; its tables extend `LoadTable`.
 """
 
 
@@ -59,11 +59,11 @@ class DeviceFleet(ABC):
         colour: of its power in pictures, `#rrggbb`.
         flows: what its power in MW is made of: names of variables and data, each with the sign
             with which it feeds in.
-        fed, taken: terms of the energy balance for what it feeds in and takes; loads have neither,
+        fed, intake: terms of the energy balance for what it feeds in and takes; loads have neither,
             their demand and what is shed are terms of their own.
         curtailed: term for what the weather offered and nobody took.
         limit: name of the datum with the most that it can feed in, MW: what the weather offers, or
-            what the devices are able to. Of a load, with the least that is shed.
+            what the devices are able to; loads have none.
         stored: name of its state of stored energy, MWh; None of all but storage.
         running: name of its variable that is 1 where a device runs; None without commitment.
         tables: one table per device.
@@ -75,9 +75,9 @@ class DeviceFleet(ABC):
     title: ClassVar[str]
     colour: ClassVar[str]
     flows: ClassVar[Mapping[str, float]]
-    limit: ClassVar[str]
+    limit: ClassVar[str] = ""
     fed: ClassVar[EnergyTerm | None] = None
-    taken: ClassVar[EnergyTerm | None] = None
+    intake: ClassVar[EnergyTerm | None] = None
     curtailed: ClassVar[EnergyTerm | None] = None
     stored: ClassVar[str | None] = None
     running: ClassVar[str | None] = None
@@ -118,6 +118,11 @@ class DeviceFleet(ABC):
         return f"{self.kind}.shed"
 
     @property
+    def shed_min(self) -> str:
+        """Name of a load's datum of what cannot be served whatever is done, MW."""
+        return f"{self.kind}.shed_min"
+
+    @property
     def reactive(self) -> str:
         """Name of its variable of reactive power, Mvar, if it has one."""
         return f"{self.kind}.q"
@@ -131,13 +136,13 @@ class DeviceFleet(ABC):
 
         It bounds what lines can be asked to carry: too much is harmless, too little is wrong.
         """
-        least, most = self.power_range()
-        return np.maximum(most, 0.0), np.maximum(-least, 0.0)
+        p_min, p_max = self.power_range()
+        return np.maximum(p_max, 0.0), np.maximum(-p_min, 0.0)
 
     def size_mw(self) -> Floats:
         """Nominal power, MW, as lists of devices show it."""
-        least, most = self.power_range()
-        return np.maximum(most, -least)
+        p_min, p_max = self.power_range()
+        return np.maximum(p_max, -p_min)
 
     def size_mwh(self) -> Floats:
         """Energy that every device can hold, MWh."""
@@ -155,7 +160,7 @@ class DeviceFleet(ABC):
         """Mvar that go with every MW of devices with a constant power factor; else 0."""
         return np.zeros(len(self.tables))
 
-    def whole(self) -> Bools:
+    def is_block(self) -> Bools:
         """Whether a load can only be served whole."""
         return np.zeros(len(self.tables), bool)
 
@@ -183,6 +188,6 @@ class DeviceFleet(ABC):
         """MW fed in, (devices, ...), from the values of the variables and data in `flows`."""
         total: Floats | None = None
         for name, sign in self.flows.items():
-            part = sign * values(name)
-            total = part if total is None else total + part
+            power = sign * values(name)
+            total = power if total is None else total + power
         return np.empty(0) if total is None else total

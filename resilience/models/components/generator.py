@@ -85,13 +85,13 @@ class Generators(DeviceFleet):
 
     def power_range(self) -> tuple[Floats, Floats]:
         """From nothing, standing still, to its greatest output."""
-        most = self._array("p_max_mw")
-        return np.zeros_like(most), most
+        p_max = self._array("p_max_mw")
+        return np.zeros_like(p_max), p_max
 
     def capacity(self) -> tuple[Floats, Floats]:
         """Its greatest output, and reactive power where it has any."""
-        most = self._array("p_max_mw") + np.maximum(self._array("q_max_mvar"), 0.0)
-        return most, np.maximum(-self._array("q_min_mvar"), 0.0)
+        supply = self._array("p_max_mw") + np.maximum(self._array("q_max_mvar"), 0.0)
+        return supply, np.maximum(-self._array("q_min_mvar"), 0.0)
 
     def merge_key(self, table: GeneratorTable) -> Hashable | None:
         """Its price; a unit with a curve, ramps or commitment stays alone."""
@@ -121,8 +121,8 @@ class Generators(DeviceFleet):
 
     def emit(self, stage: Stage) -> Injection:
         """Power between the limits, at its cost."""
-        most = stage.data("generator.p_max", self.names, about="power limit")
-        p = stage.var("generator.p", self.names, 0.0, most, about="power fed in")
+        p_max = stage.data("generator.p_max", self.names, about="power limit")
+        p = stage.var("generator.p", self.names, 0.0, p_max, about="power fed in")
         straight = np.flatnonzero([t.cost_curve is None for t in self.tables])
         price = self._array("cost_per_mwh", straight)
         stage.cost("generator.energy", p[straight], price * stage.dt)
@@ -235,13 +235,13 @@ class Generators(DeviceFleet):
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Limits, zero in a dead island, and what a dead island takes away."""
         alive = situation.alive_at(self.bus)
-        most = self._array("p_max_mw")[:, None]
+        p_max = self._array("p_max_mw")[:, None]
         return {
-            "generator.p_max": most * alive,
+            "generator.p_max": p_max * alive,
             "generator.q_min": self._array("q_min_mvar")[:, None] * alive,
             "generator.q_max": self._array("q_max_mvar")[:, None] * alive,
             "generator.alive": alive[self.committed],
-            "generator.lost": (most * (1.0 - alive))[self.ramped],
+            "generator.lost": (p_max * (1.0 - alive))[self.ramped],
         }
 
     def start(self) -> dict[str, Floats]:

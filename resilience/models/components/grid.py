@@ -42,7 +42,7 @@ class Grids(DeviceFleet):
     flows: ClassVar = {"grid.import": 1.0, "grid.export": -1.0}
     limit: ClassVar[str] = "grid.import_max"
     fed: ClassVar = EnergyTerm("import", "imported")
-    taken: ClassVar = EnergyTerm("export", "exported")
+    intake: ClassVar = EnergyTerm("export", "exported")
 
     tables: Sequence[GridTable]
 
@@ -60,8 +60,8 @@ class Grids(DeviceFleet):
 
     def capacity(self) -> tuple[Floats, Floats]:
         """Its limits, and reactive power either way."""
-        least, most = self.power_range()
-        return most + self.q_max_mvar, -least + self.q_max_mvar
+        p_min, p_max = self.power_range()
+        return p_max + self.q_max_mvar, -p_min + self.q_max_mvar
 
     def size_mw(self) -> Floats:
         """The import limit."""

@@ -48,9 +48,16 @@ class Lines:
     """The lines that can be closed. Arrays are (lines,); powers in MW, impedances in pu (1 MVA).
 
     Attributes:
+        names: of the lines.
+        from_bus, to_bus: indices of the buses at their ends.
+        r, x: series impedance, pu.
+        rating: thermal limit, MVA; infinite without one.
+        flow_max: F in the module's docstring, MVA; none of the physics needs it to be tight.
         fallible: lines that data may take out.
-        switchable: lines with a binary status; `closed` is their status at the start.
-        flow_max: F in the module's docstring; None of the physics needs it to be tight.
+        switchable: lines with a binary status.
+        closed: status of the switchable lines at the start.
+        switching_cost: $ each time a line is opened or closed.
+        v_band: lowest and highest voltage of all buses, pu.
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
     """
 
@@ -93,13 +100,13 @@ class Lines:
         up = stage.data("line.up", self.names, unit="1", about="whether a line can carry power")
         if not len(self.switched):
             return None
-        of = [self.names[i] for i in self.switched]
+        names = [self.names[i] for i in self.switched]
         was, closed = stage.state(
-            "line.closed", of, 0.0, up[self.switched], unit="1", about="closed", integer=True
+            "line.closed", names, 0.0, up[self.switched], unit="1", about="closed", integer=True
         )
         cost = self.switching_cost[self.switched]
         if cost.any():
-            moved = stage.var("line.moved", of, 0.0, 1.0, unit="1", about="switching actions")
+            moved = stage.var("line.moved", names, 0.0, 1.0, unit="1", about="switching actions")
             stage.le("line.closing", closed - was, moved)
             stage.le("line.opening", was - closed, moved)
             stage.cost("line.switching", moved, cost)
@@ -114,8 +121,8 @@ class Lines:
         about: str,
         closed: Affine | None,
     ) -> Affine:
-        most = stage["line.up"] * limit
-        flow = stage.var(name, self.names, -most, most, unit=unit, about=about)
+        flow_max = stage["line.up"] * limit
+        flow = stage.var(name, self.names, -flow_max, flow_max, unit=unit, about=about)
         if closed is not None:
             stage.switch(f"{name}.switch", flow[self.switched], closed, limit[self.switched])
         return flow
@@ -130,14 +137,14 @@ class Lines:
             stage.tiebreak(q, self.r)
             stage.eq("line.voltage", _labelled(drop, self.names))
             return p, q
-        most = np.minimum(2.0 * self.flow_max**2, self.rating**2) / self.v_band[0] ** 2
-        limit = stage["line.up"] * most
+        current_max = np.minimum(2.0 * self.flow_max**2, self.rating**2) / self.v_band[0] ** 2
+        limit = stage["line.up"] * current_max
         current = stage.var(
             "line.l", self.names, 0.0, limit, unit="pu", about="squared current (1 MVA)"
         )
         if closed is not None:
-            at = self.switched
-            stage.le("line.l.switch", current[at], closed * most[at])
+            rows = self.switched
+            stage.le("line.l.switch", current[rows], closed * current_max[rows])
         impedance = self.r**2 + self.x**2
         stage.eq("line.voltage", _labelled(drop - current * impedance, self.names))
         stage.cone("line.flow", current, _labelled(v_i, self.names), p, q)
@@ -149,18 +156,20 @@ class Lines:
         if not len(free):
             return Affine.constant(0.0, len(self.names))
         width = self.v_band[1] ** 2 - self.v_band[0] ** 2
-        of = [self.names[i] for i in free]
-        most = width - stage["line.up"][free] * width * ~self.switchable[free]
-        gap = stage.var("line.gap", of, -most, most, unit="pu²", about="voltage across open line")
+        names = [self.names[i] for i in free]
+        gap_max = width - stage["line.up"][free] * width * ~self.switchable[free]
+        gap = stage.var(
+            "line.gap", names, -gap_max, gap_max, unit="pu²", about="voltage across open line"
+        )
         if closed is not None:
-            at = np.searchsorted(free, self.switched)
-            stage.switch("line.gap.switch", gap[at], 1.0 - closed, width)
+            rows = np.searchsorted(free, self.switched)  # of switched lines, among the free
+            stage.switch("line.gap.switch", gap[rows], 1.0 - closed, width)
         return scatter(gap, free, len(self.names))
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Line status."""
-        at = [situation.names.index(name) for name in self.names]
-        up = situation.line_up[at].astype(float)
+        rows = [situation.names.index(name) for name in self.names]
+        up = situation.line_up[rows].astype(float)
         sure = ~(self.fallible | self.switchable)
         down = np.flatnonzero(sure & (up < 1.0).any(1))
         if len(down):

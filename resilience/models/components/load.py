@@ -44,7 +44,6 @@ class Loads(DeviceFleet):
     title: ClassVar[str] = "loads"
     colour: ClassVar[str] = "#000000"
     flows: ClassVar = {"load.shed": 1.0, "load.demand": -1.0}
-    limit: ClassVar[str] = "load.shed_min"
 
     tables: Sequence[LoadTable]
 
@@ -67,7 +66,7 @@ class Loads(DeviceFleet):
         """From the power factor."""
         return np.tan(np.arccos(np.array([t.power_factor for t in self.tables])))
 
-    def whole(self) -> Bools:
+    def is_block(self) -> Bools:
         """Blocks."""
         return np.array([t.block for t in self.tables], bool)
 
@@ -86,7 +85,7 @@ class Loads(DeviceFleet):
         shed = stage.var("load.shed", self.names, cut_off, demand, about="demand shed")
         price = np.array([t.shed_price_per_mwh for t in self.tables])
         stage.cost("load.shed", shed, price * stage.dt)
-        blocks = np.flatnonzero(self.whole())
+        blocks = np.flatnonzero(self.is_block())
         if len(blocks):
             peak = MAX_PU * np.array([self.tables[int(i)].p_max_mw for i in blocks])
             names = [self.names[i] for i in blocks]

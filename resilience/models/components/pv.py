@@ -49,8 +49,8 @@ class PV(DeviceFleet):
 
     def power_range(self) -> tuple[Floats, Floats]:
         """From nothing to the output at a profile of 1."""
-        most = np.array([t.p_max_mw for t in self.tables], float)
-        return np.zeros_like(most), most
+        p_max = np.array([t.p_max_mw for t in self.tables], float)
+        return np.zeros_like(p_max), p_max
 
     def capacity(self) -> tuple[Floats, Floats]:
         """Its output, or the inverter's rating where that is more; it takes reactive power only."""

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 AnyFleet = TypeVar("AnyFleet", DeviceFleet, type[DeviceFleet])
 _FACTS: dict[Role, tuple[str, ...]] = {
-    "dispatchable": ("fed",),
-    "weather": ("fed", "curtailed"),
-    "storage": ("fed", "taken", "stored"),
-    "exchange": ("fed", "taken"),
+    "dispatchable": ("limit", "fed"),
+    "weather": ("limit", "fed", "curtailed"),
+    "storage": ("limit", "fed", "intake", "stored"),
+    "exchange": ("limit", "fed", "intake"),
     "load": (),
 }
 """Class variables that a role needs and that have no default which fits."""
@@ -51,7 +51,7 @@ def fleet_class(kind: str) -> type[DeviceFleet]:
             f"has the role {fleet.role!r}",
             hint=f"let the table extend {base.__name__}",
         )
-    lacks = [name for name in _FACTS[fleet.role] if getattr(fleet, name) is None]
+    lacks = [name for name in _FACTS[fleet.role] if not getattr(fleet, name)]
     if lacks:
         raise UsageError(
             f"{fleet.__name__} has the role {fleet.role!r}, but no {', '.join(lacks)}",

@@ -33,7 +33,13 @@ from resilience.models.network.situation import Situation
 
 @dataclass(frozen=True)
 class Topology:
-    """Spanning forest over `lines`; `forming` (buses,) marks possible roots."""
+    """Spanning forest of the lines that are closed.
+
+    Attributes:
+        lines: those that can be closed.
+        buses: names.
+        forming: (buses,) possible roots.
+    """
 
     lines: Lines
     buses: Labels
@@ -45,11 +51,13 @@ class Topology:
         alive = stage.data("topology.alive", self.buses, unit="1", about="has a path to a source")
         count = stage.data("topology.links", ("network",), unit="1", about="links still to choose")
         places = np.flatnonzero(self.forming)
-        of = [self.buses[i] for i in places]
-        root = stage.binary("topology.root", of, about="fed by the virtual root")
-        feed = stage.var("topology.feed", of, 0.0, n, unit="1", about="commodity fed in")
-        most = stage["line.up"] * float(n)
-        flow = stage.var("topology.flow", lines.names, -most, most, unit="1", about="commodity")
+        names = [self.buses[i] for i in places]
+        root = stage.binary("topology.root", names, about="fed by the virtual root")
+        feed = stage.var("topology.feed", names, 0.0, n, unit="1", about="commodity fed in")
+        flow_max = stage["line.up"] * float(n)
+        flow = stage.var(
+            "topology.flow", lines.names, -flow_max, flow_max, unit="1", about="commodity"
+        )
         closed = stage["line.closed"]
         stage.eq("topology.tree", closed.sum() + root.sum(), count)
         stage.switch("topology.flow.switch", flow[lines.switched], closed, n)
