@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.case.schema import StormTable
+from resilience.case.schema import GridTable, StormTable
 from resilience.files import check_picture
 from resilience.fragility.chain import slot_times
 from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
@@ -31,11 +31,11 @@ APART_DEG = 0.35  # of times along the track
 CURVE_MPS = np.linspace(15.0, 110.0, 191)
 
 
-def plot_hazard(found: Hazard, path: str | Path | None = None) -> Figure:
-    """Draws a storm's hazard; with `path` it is also written there.
+def plot_hazard(hazard: Hazard, path: str | Path | None = None) -> Figure:
+    """Draws a storm's hazard; with `path` it is also written tfeeder.
 
     Args:
-        found: what `resilience.fragility.feeder_hazard.hazard` found.
+        hazard: from `resilience.hazard`.
         path: a .png, .pdf or .svg file.
 
     Raises:
@@ -44,38 +44,38 @@ def plot_hazard(found: Hazard, path: str | Path | None = None) -> Figure:
     if path is not None:
         check_picture(Path(path))
     with style.look():
-        return style.keep(_draw(found), path)
+        return style.write_figure(_draw(hazard), path)
 
 
-def _draw(found: Hazard) -> Figure:
+def _draw(hazard: Hazard) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 8.4), layout="constrained")
     axes = figure.subplots(2, 2, gridspec_kw={"height_ratios": [1.25, 1.0]})
-    _map(figure, axes[0, 0], found)
-    _feeder(figure, axes[0, 1], found)
-    _hours(axes[1, 0], found)
-    _curves(axes[1, 1], found)
-    here = found.storm
-    expected = here.failed_by[:, -1].sum()
+    _map(figure, axes[0, 0], hazard)
+    _feeder(figure, axes[0, 1], hazard)
+    _hours(axes[1, 0], hazard)
+    _curves(axes[1, 1], hazard)
+    feeder = hazard.storm
+    expected = feeder.failed_by[:, -1].sum()
     style.headed(
         figure,
-        f"{here.track.name or 'storm'} over {here.case.name} ({here.geography.about}): "
-        f"{expected:.1f} of {len(here.lines.names)} lines expected to fail",
+        f"{feeder.track.name or 'storm'} over {feeder.case.name} ({feeder.geography.about}): "
+        f"{expected:.1f} of {len(feeder.lines.names)} lines expected to fail",
     )
     return figure
 
 
-def _map(figure: Figure, axis: Axes, found: Hazard) -> None:
+def _map(figure: Figure, axis: Axes, hazard: Hazard) -> None:
     """Track, swath of the strongest wind over the horizon, and where the feeder is."""
-    here = found.storm
-    place = here.geography
+    feeder = hazard.storm
+    place = feeder.geography
     lat, lon = place.middle
     wide = REACH_DEG / np.cos(np.radians(lat))
     x, y = np.linspace(lon - wide, lon + wide, CELLS), lat + np.linspace(-1, 1, CELLS) * REACH_DEG
     across, up = np.meshgrid(x, y)
-    table = here.case.storm or StormTable()
-    eye = interpolated(here.track, slot_times(here.case))
+    table = feeder.case.storm or StormTable()
+    eye = interpolated(feeder.track, slot_times(feeder.case))
     around = (across.ravel() + 180.0) % 360.0 - 180.0
     blown = wind(
         eye, up.ravel(), around, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
@@ -84,12 +84,12 @@ def _map(figure: Figure, axis: Axes, found: Hazard) -> None:
         x, y, blown.reshape(across.shape), SWATH_MPS, cmap=MAP, extend="both", alpha=0.85
     )
     figure.colorbar(shades, ax=axis, label="strongest wind, m/s, 1-min mean at sea", shrink=0.85)
-    for one in here.members[:60] if len(here.members) > 1 else ():
-        path = interpolated(one, slot_times(here.case))
+    for member in feeder.members[:60] if len(feeder.members) > 1 else ():
+        path = interpolated(member, slot_times(feeder.case))
         axis.plot(_near(path.lon, lon), path.lat, color="#6b7280", lw=0.4, alpha=0.6)
     shown = eye.present
     axis.plot(_near(eye.lon, lon)[shown], eye.lat[shown], color="black", lw=1.4)
-    _clock(axis, found, eye.lat, _near(eye.lon, lon), shown)
+    _clock(axis, hazard, eye.lat, _near(eye.lon, lon), shown)
     axis.plot(lon, lat, marker="*", ms=13, color="#d62728", mec="white", ls="none")
     axis.annotate("feeder", (lon, lat), (7, -16), textcoords="offset points", color="#d62728")
     axis.set_xlim(x[0], x[-1])
@@ -100,9 +100,9 @@ def _map(figure: Figure, axis: Axes, found: Hazard) -> None:
     axis.set_title("Track and wind", loc="left", fontsize=9, fontweight="bold")
 
 
-def _clock(axis: Axes, found: Hazard, lat: Floats, lon: Floats, shown: np.ndarray) -> None:
+def _clock(axis: Axes, hazard: Hazard, lat: Floats, lon: Floats, shown: np.ndarray) -> None:
     """A dot on the track every three hours of the horizon, with its time."""
-    case = found.storm.case
+    case = hazard.storm.case
     moments = len(lat)
     minutes = (np.arange(moments) + 0.5) * case.slots * case.step_min / moments
     first = case.start.hour * 60 + case.start.minute
@@ -127,30 +127,30 @@ def _near(lon: Floats, middle: float) -> Floats:
     return (lon - middle + 180.0) % 360.0 - 180.0 + middle
 
 
-def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:
+def _feeder(figure: Figure, axis: Axes, hazard: Hazard) -> None:
     """Lines coloured by the probability that they fail; those that cannot are grey."""
     import matplotlib as mpl
     from matplotlib.colors import Normalize
 
-    here = found.storm
-    network, place = here.case.network, here.geography
+    feeder = hazard.storm
+    network, place = feeder.case.network, feeder.geography
     east, north = place.bus_km
-    chance = dict(zip(here.lines.names, here.failed_by[:, -1], strict=True))
+    chance = dict(zip(feeder.lines.names, feeder.failed_by[:, -1], strict=True))
     top = np.ceil(4.0 * max(chance.values(), default=1.0)) / 4.0
     scale, colours = Normalize(0.0, max(top, 0.25)), mpl.colormaps[RISK]
     for k, name in enumerate(network.line_names):
         i, j = network.from_bus[k], network.to_bus[k]
-        known = name in chance
+        may_fail = name in chance
         axis.plot(
             east[[i, j]],
             north[[i, j]],
-            color=colours(0.15 + 0.85 * scale(chance[name])) if known else "#c8ccd2",
-            lw=3.0 if known else 0.8,
-            ls="-" if known else ":",
+            color=colours(0.15 + 0.85 * scale(chance[name])) if may_fail else "#c8ccd2",
+            lw=3.0 if may_fail else 0.8,
+            ls="-" if may_fail else ":",
             solid_capstyle="round",
         )
     axis.plot(east, north, "o", ms=3.0, color="black", ls="none")
-    sources = [network.bus(grid.bus) for grid in here.case.grid]
+    sources = [network.bus(grid.bus) for grid in feeder.case.tables_of(GridTable)]
     axis.plot(east[sources], north[sources], "s", ms=8, color="black", ls="none")
     degree = np.bincount(
         np.concatenate([network.from_bus[network.in_service], network.to_bus[network.in_service]]),
@@ -168,30 +168,30 @@ def _feeder(figure: Figure, axis: Axes, found: Hazard) -> None:
     axis.set_aspect("equal")
     axis.set_xlabel(f"km east of bus {network.bus_names[0]}")
     axis.set_ylabel("km north")
-    title = "SpannedLines" + (", places made up" if place.synthetic else "")
+    title = "Lines" + (", places made up" if place.synthetic else "")
     axis.set_title(title, loc="left", fontsize=9, fontweight="bold")
     style.open_frame(axis)
 
 
-def _hours(axis: Axes, found: Hazard) -> None:
+def _hours(axis: Axes, hazard: Hazard) -> None:
     """Wind along the lines, and how many lines have failed and are down."""
-    here = found.storm
-    case = here.case
+    feeder = hazard.storm
+    case = feeder.case
     hours = np.asarray(np.arange(case.slots + 1) * case.step_h, np.float64)
-    blown = here.strongest_mps
+    blown = feeder.strongest_mps
     style.stairs(axis, hours, blown.min(axis=0), blown.max(axis=0), color="#0072b2", alpha=0.35)
     style.steps(axis, hours, blown.mean(axis=0), color="#0072b2", lw=1.0)
-    axis.axhline(here.repair.wind_limit_mps, color="#0072b2", lw=0.7, ls="--")
+    axis.axhline(feeder.repair.wind_limit_mps, color="#0072b2", lw=0.7, ls="--")
     axis.text(
-        hours[-1], here.repair.wind_limit_mps, "no repair above ", color="#0072b2", fontsize=7,
+        hours[-1], feeder.repair.wind_limit_mps, "no repair above ", color="#0072b2", fontsize=7,
         ha="right", va="bottom",
     )  # fmt: skip
-    one = here.winds[0]
-    axis.set_ylabel(f"wind, m/s, {one.averaging_s:g} s mean", color="#0072b2")
+    averaging_s = feeder.winds[0].averaging_s
+    axis.set_ylabel(f"wind, m/s, {averaging_s:g} s mean", color="#0072b2")
     axis.set_ylim(0.0)
     right = axis.twinx()
-    style.steps(right, hours, here.failed_by.sum(axis=0), color="#d55e00", lw=1.6)
-    down = found.scenarios.down.sum(axis=0) @ found.scenarios.probability
+    style.steps(right, hours, feeder.failed_by.sum(axis=0), color="#d55e00", lw=1.6)
+    down = hazard.scenarios.down.sum(axis=0) @ hazard.scenarios.probability
     style.steps(right, hours, down, color="#d55e00", lw=1.2, ls=":")
     right.set_ylabel("lines: failed so far (solid), down (dotted)", color="#d55e00")
     right.set_ylim(0.0)
@@ -201,37 +201,36 @@ def _hours(axis: Axes, found: Hazard) -> None:
     axis.spines["top"].set_visible(False)
 
 
-def _curves(axis: Axes, found: Hazard) -> None:
+def _curves(axis: Axes, hazard: Hazard) -> None:
     """Curves of the elements, and of the shortest and the longest line in an even wind."""
-    here = found.storm
-    for one, colour in zip(here.lines.series, style.METHODS, strict=False):
-        axis.plot(
-            CURVE_MPS, one.curve.probability(CURVE_MPS), color=colour, lw=1.6, label=one.curve.name
-        )
-    spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
+    feeder = hazard.storm
+    curves = [series.curve for series in feeder.lines.series]
+    for curve, colour in zip(curves, style.METHODS, strict=False):
+        probability = curve.probability(CURVE_MPS)
+        axis.plot(CURVE_MPS, probability, color=colour, lw=1.6, label=curve.name)
+    spans = np.bincount(feeder.lines.span_line, minlength=len(feeder.lines.names))
     for k, dash in ((int(spans.argmin()), "--"), (int(spans.argmax()), ":")):
-        label = f"line {here.lines.names[k]}, {spans[k]} span" + "s" * int(spans[k] != 1)
-        axis.plot(CURVE_MPS, _line_curve(found, k), color="black", lw=1.2, ls=dash, label=label)
-    top = float(here.strongest_mps.max(initial=0.0))
+        label = f"line {feeder.lines.names[k]}, {spans[k]} span" + "s" * int(spans[k] != 1)
+        axis.plot(CURVE_MPS, _line_curve(hazard, k), color="black", lw=1.2, ls=dash, label=label)
+    top = float(feeder.strongest_mps.max(initial=0.0))
     axis.axvline(top, color="#d62728", lw=1.0)
     axis.text(top, 1.02, "this storm ", color="#d62728", fontsize=7, ha="right", va="bottom")
     axis.set_ylim(0.0, 1.0)
     axis.set_xlim(CURVE_MPS[0], CURVE_MPS[-1])
-    one = here.lines.series[0]
-    axis.set_xlabel(f"wind, m/s: {one.curve.measure}")
+    axis.set_xlabel(f"wind, m/s: {curves[0].measure}")
     axis.set_ylabel("probability of failure")
     axis.legend(frameon=False, fontsize=7, loc="upper left")
     axis.set_title("Fragility", loc="left", fontsize=9, fontweight="bold")
     style.open_frame(axis)
 
 
-def _line_curve(found: Hazard, line: int) -> Floats:
+def _line_curve(hazard: Hazard, line: int) -> Floats:
     """Failure of a line in winds that are the same along it."""
-    lines = found.storm.lines
+    lines = hazard.storm.lines
     mask, curve = lines.span_line == line, lines.series[0].curve
     spans = int(mask.sum())
-    series = tuple(Series(one.curve, one.count[mask]) for one in lines.series)
+    series = tuple(Series(s.curve, s.count[mask]) for s in lines.series)
     alone = SpannedLines((lines.names[line],), np.zeros(spans, np.intp), series, lines.correlation)
     measure = curve.averaging_s, curve.height_m, curve.exposure
     winds = (SpanWind(np.full((spans, 1), speed), *measure) for speed in CURVE_MPS)
-    return np.array([failure_probability(alone, one)[0] for one in winds])
+    return np.array([failure_probability(alone, even)[0] for even in winds])

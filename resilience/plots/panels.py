@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.plots.style import (
     DEMAND_COLOUR,
     SHED_COLOUR,
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SEPARATE = 8  # storage units up to which each has a colour of its own
-LABELLED = 14  # rows of a band up to which each has a label
+MAX_COLOURED = 8  # storage units, up to which each has a colour of its own
+MAX_LABELLED = 14  # rows of a band, up to which each has a label
 DEAD, GRID = 0, 1
 BAND = (
     "#1f2937",
@@ -43,7 +43,7 @@ BAND = (
 
 
 def draw_power(
-    axis: Axes, hours: Floats, fed: Mapping[str, Floats], taken: Mapping[str, Floats]
+    axis: Axes, hours: Floats, fed: Mapping[str, Floats], intake: Mapping[str, Floats]
 ) -> None:
     """Power by source stacked above zero, and what storage and grid take below it.
 
@@ -51,14 +51,14 @@ def draw_power(
         axis: the panel.
         hours: (slots + 1,) begin of every slot, and the end.
         fed: a key of `colours` to (slots,) MW fed in.
-        taken: the same to (slots,) MW taken, zero or more.
+        intake: the same to (slots,) MW taken, zero or more.
     """
     up = down = np.zeros(len(hours) - 1)
     colour_of = colours()
     for name, flow in fed.items():
         stairs(axis, hours, up, up + flow, color=colour_of[name], label=name)
         up = up + flow
-    for name, flow in taken.items():
+    for name, flow in intake.items():
         stairs(axis, hours, down - flow, down, color=colour_of[name])
         down = down - flow
     axis.axhline(0.0, color="black", lw=0.5)
@@ -85,7 +85,7 @@ def draw_soc(axis: Axes, hours: Floats, names: Sequence[str], soc: Floats, size:
     import matplotlib as mpl
 
     shades = mpl.colormaps["viridis"](np.linspace(0.1, 0.9, max(len(names), 2)))
-    if len(names) <= SEPARATE:
+    if len(names) <= MAX_COLOURED:
         for name, line, colour in zip(names, soc, shades, strict=False):
             axis.plot(hours, line, color=colour, lw=1.4, label=name)
     elif len(names):
@@ -97,7 +97,7 @@ def draw_soc(axis: Axes, hours: Floats, names: Sequence[str], soc: Floats, size:
     axis.set_ylim(0.0, 1.02)
 
 
-def band_colours(number: Ints, on_grid: np.ndarray) -> Ints:
+def band_colours(number: Ints, on_grid: Bools) -> Ints:
     """(rows, slots) index in `BAND`. Islands of one slot differ as far as there are colours.
 
     An island keeps its colour while it gains or loses rows, and gets it back when it returns.
@@ -106,48 +106,48 @@ def band_colours(number: Ints, on_grid: np.ndarray) -> Ints:
         number: (rows, slots) number of the island of every row; 0 is dead.
         on_grid: (rows,) whether a grid connection stands there.
     """
-    seen: dict[bytes, int] = {}
+    earlier: dict[bytes, int] = {}  # colour that a set of rows had, by its mask
     shown = np.full_like(number, DEAD)
     for t in range(number.shape[1]):
         if t and (number[:, t] == number[:, t - 1]).all():
             shown[:, t] = shown[:, t - 1]
             continue
         before = shown[:, t - 1] if t else np.full(len(number), GRID)
-        shown[:, t] = _colours(number[:, t], on_grid, before, seen)
+        shown[:, t] = _colours(number[:, t], on_grid, before, earlier)
     return shown
 
 
-def _colours(number: Ints, on_grid: np.ndarray, before: Ints, seen: dict[bytes, int]) -> Ints:
+def _colours(number: Ints, on_grid: Bools, before: Ints, earlier: dict[bytes, int]) -> Ints:
     """(rows,) colours of one slot, the largest island first, given those of the slot before."""
     shown = np.full_like(number, DEAD)
-    apart: list[np.ndarray] = []
+    apart: list[Bools] = []
     for island in np.unique(number[number > 0]):
         members = number == island
         if on_grid[members].any():
             shown[members] = GRID
         else:
             apart.append(members)
-    taken: set[int] = set()
+    occupied: set[int] = set()
     for members in sorted(apart, key=lambda m: -int(m.sum())):
-        colour = _colour(members, before[members], seen, taken)
-        seen[members.tobytes()] = colour
-        taken.add(colour)
+        colour = _colour(members, before[members], earlier, occupied)
+        earlier[members.tobytes()] = colour
+        occupied.add(colour)
         shown[members] = colour
     return shown
 
 
-def _colour(members: np.ndarray, before: Ints, seen: dict[bytes, int], taken: set[int]) -> int:
+def _colour(members: Bools, before: Ints, earlier: dict[bytes, int], occupied: set[int]) -> int:
     """What most of its rows had, else what it had at another time, else the least used."""
     had, count = np.unique(before[before > GRID], return_counts=True)
-    wanted = [int(c) for c in had[np.argsort(-count, kind="stable")]]
-    if members.tobytes() in seen:
-        wanted.append(seen[members.tobytes()])
-    free = [c for c in wanted if c not in taken]
+    preferred = [int(c) for c in had[np.argsort(-count, kind="stable")]]
+    if members.tobytes() in earlier:
+        preferred.append(earlier[members.tobytes()])
+    free = [c for c in preferred if c not in occupied]
     if free:
         return free[0]
-    used = list(seen.values())
+    uses = list(earlier.values())
     every = range(GRID + 1, len(BAND))
-    return min([c for c in every if c not in taken] or every, key=lambda c: (used.count(c), c))
+    return min([c for c in every if c not in occupied] or every, key=lambda c: (uses.count(c), c))
 
 
 def draw_band(axis: Axes, hours: Floats, labels: Sequence[str], shown: Ints) -> None:
@@ -163,7 +163,7 @@ def draw_band(axis: Axes, hours: Floats, labels: Sequence[str], shown: Ints) -> 
         vmin=-0.5,
         vmax=len(BAND) - 0.5,
     )
-    few = rows <= LABELLED
+    few = rows <= MAX_LABELLED
     if few:
         axis.hlines(np.arange(1, rows), hours[0], hours[-1], color="white", lw=0.8)
     every = 1 if few else int(np.ceil(rows / 8))
@@ -182,7 +182,7 @@ def band_legend(axis: Axes, shown: Ints) -> None:
     aside(axis, handles=handles)
 
 
-def draw_lines_out(axis: Axes, hours: Floats, names: Sequence[str], down: np.ndarray) -> None:
+def draw_lines_out(axis: Axes, hours: Floats, names: Sequence[str], down: Bools) -> None:
     """A bar for every time that a line is out; `down` is (lines, slots)."""
     padded = np.pad(down.astype(int), ((0, 0), (1, 1)))
     change = np.diff(padded, axis=1)
@@ -190,7 +190,7 @@ def draw_lines_out(axis: Axes, hours: Floats, names: Sequence[str], down: np.nda
         first, stop = np.flatnonzero(change[row] == 1), np.flatnonzero(change[row] == -1)
         spans = [(hours[a], hours[b] - hours[a]) for a, b in zip(first, stop, strict=True)]
         axis.broken_barh(spans, (row + 0.15, 0.7), color=STORMY, lw=0)
-    every = 1 if len(names) <= LABELLED else int(np.ceil(len(names) / 8))
+    every = 1 if len(names) <= MAX_LABELLED else int(np.ceil(len(names) / 8))
     ticks = range(0, len(names), every)
     axis.set_yticks([k + 0.5 for k in ticks], [names[k] for k in ticks], fontsize=7)
     axis.set_ylim(max(len(names), 1), 0)

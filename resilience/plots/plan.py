@@ -30,7 +30,7 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
     if path is not None:
         check_picture(Path(path))
     with style.look():
-        return style.keep(_draw(plan), path)
+        return style.write_figure(_draw(plan), path)
 
 
 def _draw(plan: Plan) -> Figure:
@@ -91,8 +91,8 @@ def _power(axis: Axes, plan: Plan, hours: Floats) -> None:
     power = plan.tables["power"]
     flows = {f.title: np.array([power[name] for name in f.names]) for f in _fleets(plan)}
     fed = {group: np.maximum(flow, 0.0).sum(0) for group, flow in flows.items()}
-    taken = {group: np.maximum(-flow, 0.0).sum(0) for group, flow in flows.items()}
-    panels.draw_power(axis, hours, fed, taken)
+    intake = {group: np.maximum(-flow, 0.0).sum(0) for group, flow in flows.items()}
+    panels.draw_power(axis, hours, fed, intake)
     if "demand" in plan.tables:
         demand, shed = (plan.tables[name].values.sum(0) for name in ("demand", "shed"))
         panels.draw_demand(axis, hours, demand, shed)

@@ -50,7 +50,7 @@ def plot_report(compared: Compared, path: str | Path | None = None) -> Figure:
     if path is not None:
         check_picture(Path(path))
     with style.look():
-        return style.keep(_draw(compared), path)
+        return style.write_figure(_draw(compared), path)
 
 
 def _draw(compared: Compared) -> Figure:

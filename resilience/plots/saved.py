@@ -79,8 +79,8 @@ def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
         plot_scenario_plan(plan, path)
 
 
-def _refuse(run: Path, **asked: object) -> None:
-    wrong = [f"--{name}" for name, value in asked.items() if value is not None]
+def _refuse(run: Path, **options: object) -> None:
+    wrong = [f"--{name}" for name, value in options.items() if value is not None]
     if wrong and (run / "summary.json").is_file():
         raise UsageError(
             f"{', '.join(wrong)}: {run} holds a plan, no comparison",

@@ -34,7 +34,7 @@ def plot_scenario_plan(plan: ScenarioPlan, path: str | Path | None = None) -> Fi
     if plan.case is None:
         raise UsageError("a plan without its case cannot be drawn", hint="keep case.toml beside it")
     with style.look():
-        return style.keep(_draw(plan, plan.case), path)
+        return style.write_figure(_draw(plan, plan.case), path)
 
 
 def _draw(plan: ScenarioPlan, case: Case) -> Figure:
@@ -114,8 +114,8 @@ def _stored(axis: Axes, band: SlotTable, ends: Floats) -> None:
 
 def _costs(axis: Axes, plan: ScenarioPlan) -> None:
     cost, p = plan.episodes["cost"], plan.episodes["probability"]
-    known = plan.episodes["clairvoyant_cost"]
-    for values, dash, label in ((cost, "-", plan.method), (known, "--", "known beforehand")):
+    clairvoyant = plan.episodes["clairvoyant_cost"]
+    for values, dash, label in ((cost, "-", plan.method), (clairvoyant, "--", "known beforehand")):
         order = np.argsort(values)
         shade = DEMAND_COLOUR if dash == "-" else SHED_COLOUR
         share = np.cumsum(p[order])

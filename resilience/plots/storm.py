@@ -11,6 +11,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.evaluation.comparison import Compared
 from resilience.files import check_picture
+from resilience.models.components import device_fleets, in_roles
 from resilience.plots import panels, style
 from resilience.plots.storm_choice import Day, EpisodeView, storm
 from resilience.plots.storm_data import MethodView
@@ -48,18 +49,18 @@ def plot_storm(
     """
     if path is not None:
         check_picture(Path(path))
-    seen = storm(compared, methods, episode, day)
+    view = storm(compared, methods, episode, day)
     with style.look():
-        return style.keep(_draw(seen), path)
+        return style.write_figure(_draw(view), path)
 
 
-def _draw(seen: EpisodeView) -> Figure:
+def _draw(view: EpisodeView) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    n = len(seen.deeds)
+    n = len(view.methods)
     width = 9.0 if n == 1 else 1.6 + 3.7 * n
-    heights = _heights(seen)
+    heights = _heights(view)
     figure = Figure(
         figsize=(width, 1.2 + 1.35 * sum(heights.values())),
         layout=ConstrainedLayoutEngine(wspace=0.05),
@@ -68,42 +69,43 @@ def _draw(seen: EpisodeView) -> Figure:
         len(heights), n, sharex=True, sharey="row", squeeze=False,
         gridspec_kw={"height_ratios": list(heights.values())},
     )  # fmt: skip
-    for k, (name, one) in enumerate(seen.deeds.items()):
+    for k, (name, method) in enumerate(view.methods.items()):
         rows = dict(zip(heights, axes[:, k], strict=True))
-        _column(rows, seen, one, last=k == n - 1)
-        head = f"{name}: {one.cost:.2f} $, {one.shed.sum() * seen.case.step_h:.2f} MWh shed"
+        _column(rows, view, method, last=k == n - 1)
+        head = f"{name}: {method.cost:.2f} $, {method.shed.sum() * view.case.step_h:.2f} MWh shed"
         rows["power"].set_title(style.plain(head), loc="left", fontsize=9, fontweight="bold")
-        style.time_axis(rows["lines"], seen.start, seen.hours, 1.0 if n == 1 else 0.55)
+        style.time_axis(rows["lines"], view.start, view.hours, 1.0 if n == 1 else 0.55)
         if k == 0:
             _row_labels(rows)
-    most = max(float(one.shed.sum(0).max(initial=0.0)) for one in seen.deeds.values())
-    axes[2, 0].set_ylim(0.0, max(1.05 * most, 0.1))
-    _top(figure, axes[0], _title(seen))
+    shed_max = max(float(m.shed.sum(0).max(initial=0.0)) for m in view.methods.values())
+    axes[2, 0].set_ylim(0.0, max(1.05 * shed_max, 0.1))
+    _top(figure, axes[0], _title(view))
     return figure
 
 
-def _heights(seen: EpisodeView) -> dict[str, float]:
+def _heights(view: EpisodeView) -> dict[str, float]:
     """More room for more zones and lines, up to a limit."""
-    found = dict(HEIGHTS)
-    found["islands"] = min(max(0.5, 0.22 * len(seen.feeder.zones)), 2.2)
-    found["lines"] = min(max(0.4, 0.17 * len(seen.feeder.lines)), 1.6)
-    return found
+    return HEIGHTS | {
+        "islands": min(max(0.5, 0.22 * len(view.feeder.zones)), 2.2),
+        "lines": min(max(0.4, 0.17 * len(view.feeder.lines)), 1.6),
+    }
 
 
-def _title(seen: EpisodeView) -> str:
-    same = "" if len(seen.deeds) == 1 else ", the same storm for all"
+def _title(view: EpisodeView) -> str:
+    same = "" if len(view.methods) == 1 else ", the same storm for all"
     return (
-        f"{seen.case.name} from {seen.start:%Y-%m-%d %H:%M} ({seen.which}{same}): "
+        f"{view.case.name} from {view.start:%Y-%m-%d %H:%M} ({view.which}{same}): "
         "$ spent and MWh shed"
     )
 
 
-def _column(rows: dict[str, Axes], seen: EpisodeView, one: MethodView, *, last: bool) -> None:
-    hours, shared = seen.hours, seen.feeder
-    _power(rows["power"], hours, one)
-    size = np.array([t.e_mwh for t in seen.case.ess])
-    panels.draw_soc(rows["soc"], hours, [t.name for t in seen.case.ess], one.soc, size)
-    _shed(rows["shed"], hours, seen.groups, one)
+def _column(rows: dict[str, Axes], view: EpisodeView, method: MethodView, *, last: bool) -> None:
+    hours, shared = view.hours, view.feeder
+    _power(rows["power"], hours, method, _curtailed_words(view))
+    units = view.case.ess
+    size_mwh = np.array([unit.e_mwh for unit in units])
+    panels.draw_soc(rows["soc"], hours, [unit.name for unit in units], method.soc, size_mwh)
+    _shed(rows["shed"], hours, view.groups, method)
     shown = panels.band_colours(shared.island, shared.on_grid)
     labels = [
         f"{zone} (grid)" if here else zone
@@ -118,29 +120,35 @@ def _column(rows: dict[str, Axes], seen: EpisodeView, one: MethodView, *, last: 
             axis.axvline(centre, color="black", lw=1.0, ls=(0, (1, 1.5)))
         style.open_frame(axis)
     if last:
-        if seen.case.ess:
+        if view.case.ess:
             style.aside(rows["soc"])
-        if seen.groups:
+        if view.groups:
             style.aside(rows["shed"], reverse=True)
         panels.band_legend(rows["islands"], shown)
 
 
-def _power(axis: Axes, hours: Floats, one: MethodView) -> None:
-    panels.draw_power(axis, hours, one.fed, one.taken)
-    top = sum(one.fed.values(), np.zeros(len(hours) - 1))
-    if one.curtailed.max(initial=0.0) > DRAWN_TOLERANCE_MW:
+def _curtailed_words(view: EpisodeView) -> str:
+    """What curtailed power is called: `PV curtailed`."""
+    weather = in_roles(device_fleets(view.case).values(), "weather")
+    return ", ".join(fleet.curtailed.words for fleet in weather if fleet.curtailed)
+
+
+def _power(axis: Axes, hours: Floats, method: MethodView, curtailed: str) -> None:
+    panels.draw_power(axis, hours, method.fed, method.intake)
+    top = sum(method.fed.values(), np.zeros(len(hours) - 1))
+    if method.curtailed.max(initial=0.0) > DRAWN_TOLERANCE_MW:
         look = {"facecolor": "none", "edgecolor": "#b59410", "hatch": "....."}
-        style.stairs(axis, hours, top, top + one.curtailed, label="PV curtailed", **look)
-    panels.draw_demand(axis, hours, one.demand, one.shed.sum(0))
+        style.stairs(axis, hours, top, top + method.curtailed, label=curtailed, **look)
+    panels.draw_demand(axis, hours, method.demand, method.shed.sum(0))
 
 
-def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], one: MethodView) -> None:
+def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], method: MethodView) -> None:
     import matplotlib as mpl
 
     shades = mpl.colormaps[style.SHED](np.linspace(0.95, 0.3, max(len(groups), 2)))
     top = np.zeros(len(hours) - 1)
-    for (name, at), colour in zip(groups, shades, strict=False):
-        shed = one.shed[at].sum(0)
+    for (name, rows), colour in zip(groups, shades, strict=False):
+        shed = method.shed[rows].sum(0)
         style.stairs(axis, hours, top, top + shed, color=colour, label=name)
         top = top + shed
     if top.max(initial=0.0) < DRAWN_TOLERANCE_MW:
@@ -164,13 +172,13 @@ def _top(figure: Figure, axes: np.ndarray, title: str) -> None:
     """The heading, and below it one legend for the power of all methods."""
     from matplotlib.lines import Line2D
 
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for axis in axes:
         handles, labels = axis.get_legend_handles_labels()
-        found |= dict(zip(labels, handles, strict=True))
-    found["storm centre"] = Line2D([], [], color="black", lw=1.0, ls=(0, (1, 1.5)))
+        entries |= dict(zip(labels, handles, strict=True))
+    entries["storm centre"] = Line2D([], [], color="black", lw=1.0, ls=(0, (1, 1.5)))
     figure.legend(
-        found.values(), found.keys(), title=style.plain(title), title_fontsize=10,
+        entries.values(), entries.keys(), title=style.plain(title), title_fontsize=10,
         alignment="left", loc="outside upper left", ncols=8, frameon=False, fontsize=8,
         columnspacing=1.4, handlelength=1.6,
     )  # fmt: skip

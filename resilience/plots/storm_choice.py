@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from resilience.case import Case
 
 Day = int | str | None
-MOST = 6  # methods beside each other
+MAX_METHODS = 6  # beside each other
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class EpisodeView:
         start: time of the first slot drawn.
         hours: (slots + 1,) begin of every slot, and the end, h.
         feeder: what everybody shares.
-        deeds: what each method did.
+        methods: what each method did.
         groups: loads whose shedding is stacked.
     """
 
@@ -41,7 +41,7 @@ class EpisodeView:
     start: datetime
     hours: Floats
     feeder: FeederView
-    deeds: dict[str, MethodView]
+    methods: dict[str, MethodView]
     groups: list[tuple[str, Ints]]
 
 
@@ -59,46 +59,50 @@ def storm(
     k, d = _worst(compared, names, spans, episode, day)
     span = slice(0, case.slots) if day == "all" else spans[d]
     shared = feeder(case, scenarios, k, span)
-    runs = {name: compared.trajectories[name] for name in names}
     exact = getattr(compared, "forecast_error", "none") == "none"
-    deeds = {name: method_view(case, run, shared, k, span, exact) for name, run in runs.items()}
+    views = {
+        name: method_view(case, compared.trajectories[name], shared, k, span, exact)
+        for name in names
+    }
     return EpisodeView(
         case=case,
         which=_which(k, d, scenarios.n, len(spans), day == "all"),
         start=case.start + timedelta(hours=span.start * case.step_h),
         hours=np.arange(span.stop - span.start + 1) * case.step_h,
         feeder=shared,
-        deeds=deeds,
-        groups=load_groups(case, shared, [one.shed for one in deeds.values()]),
+        methods=views,
+        groups=load_groups(case, shared, [view.shed for view in views.values()]),
     )
 
 
-def _which(episode: int, day: int, episodes: int, days: int, whole: bool) -> str:
-    part = f"all {days} days" if whole else f"day {day + 1} of {days}"
-    return f"{part}, episode {episode + 1} of {episodes}"
+def _which(episode: int, day: int, episodes: int, days: int, all_days: bool) -> str:
+    span = f"all {days} days" if all_days else f"day {day + 1} of {days}"
+    return f"{span}, episode {episode + 1} of {episodes}"
 
 
 def _check(compared: Compared, names: list[str], episode: int | None, day: Day) -> None:
-    known = list(compared.trajectories)
-    unknown = [name for name in names if name not in known]
+    methods = list(compared.trajectories)
+    unknown = [name for name in names if name not in methods]
     if unknown:
+        strangers = ", ".join(map(repr, unknown))
         raise UsageError(
-            f"method {', '.join(map(repr, unknown))} was not compared; allowed: {', '.join(known)}",
-            hint=did_you_mean(unknown[0], known),
+            f"method {strangers} was not compared; allowed: {', '.join(methods)}",
+            hint=did_you_mean(unknown[0], methods),
         )
-    if not 0 < len(names) <= MOST:
+    if not 0 < len(names) <= MAX_METHODS:
         raise UsageError(
-            f"{len(names)} methods; allowed: 1 to {MOST} beside each other", hint="name fewer"
+            f"{len(names)} methods; allowed: 1 to {MAX_METHODS} beside each other",
+            hint="name fewer",
         )
     _check_number("episode", episode, compared.scenarios.n, "")
     if day != "all":
         _check_number("day", day, len(day_spans(compared.case)), ", or all")
 
 
-def _check_number(what: str, value: int | str | None, most: int, also: str) -> None:
-    if value is not None and not (isinstance(value, int) and 1 <= value <= most):
+def _check_number(name: str, value: int | str | None, count: int, also: str) -> None:
+    if value is not None and not (isinstance(value, int) and 1 <= value <= count):
         raise UsageError(
-            f"{what} {value}; allowed: 1 to {most}{also}", hint=f"{what}s count from 1"
+            f"{name} {value}; allowed: 1 to {count}{also}", hint=f"{name}s count from 1"
         )
 
 
@@ -117,5 +121,7 @@ def _worst(
         allowed &= np.arange(len(spans))[:, None] == day - 1
     if episode is not None:
         allowed &= np.arange(score.shape[1])[None] == episode - 1
-    at = np.unravel_index(np.where(allowed, score, -1.0).argmax(), score.shape)
-    return int(at[1]), int(at[0])
+    worst_day, worst_episode = np.unravel_index(
+        np.where(allowed, score, -1.0).argmax(), score.shape
+    )
+    return int(worst_episode), int(worst_day)

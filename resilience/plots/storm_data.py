@@ -55,8 +55,8 @@ class MethodView:
     """What one method did in the span. Sources less what is taken and spilled is demand less shed.
 
     Attributes:
-        fed: grid, generators, PV and storage, (slots,) MW each.
-        taken: by storage and by the grid, (slots,) MW each.
+        fed: by title of the fleet: grid, generators, PV and storage, (slots,) MW each.
+        intake: of storage and of the grid, (slots,) MW each.
         spilled: (slots,) MW that had to be taken and could not be used.
         curtailed: (slots,) MW of PV that could have been fed in; zero where only its forecast is
             known.
@@ -67,7 +67,7 @@ class MethodView:
     """
 
     fed: dict[str, Floats]
-    taken: dict[str, Floats]
+    intake: dict[str, Floats]
     spilled: Floats
     curtailed: Floats
     demand: Floats
@@ -81,8 +81,8 @@ def feeder(case: Case, scenarios: Scenarios, episode: int, span: slice) -> Feede
     network = closable(case.network)
     fallible = network.breakpoint | np.isin(network.line_names, scenarios.lines)
     # A rating splits no island, so it may not split a zone.
-    whole = replace(network, rating_mva=np.full(len(network.line_names), np.inf))
-    merged, zone_of = merge(whole, fallible)
+    unrated = replace(network, rating_mva=np.full(len(network.line_names), np.inf))
+    merged, zone_of = merge(unrated, fallible)
     lines_of = [case.network.line(name) for name in merged.line_names]
     up = scenarios.line_up(case.network.line_names)[lines_of, span, episode]
 
@@ -117,8 +117,8 @@ def _centres(case: Case, scenarios: Scenarios, episode: int, span: slice) -> tup
     first, stop = span.start * case.step_h, span.stop * case.step_h
     midnight = -(case.start.hour + case.start.minute / 60.0)
     centre_h = scenarios.centre[:, episode] * REFERENCE_MIN / 60.0
-    at = midnight + 24.0 * np.arange(len(centre_h)) + centre_h
-    return tuple(float(h - first) for h in at[(at >= first) & (at < stop)])
+    peak_h = midnight + 24.0 * np.arange(len(centre_h)) + centre_h
+    return tuple(float(h - first) for h in peak_h[(peak_h >= first) & (peak_h < stop)])
 
 
 def zone_names(network: Network, zone_of: Ints) -> tuple[str, ...]:
@@ -145,44 +145,51 @@ def _zone_name(names: list[str]) -> str:
 
 
 def method_view(
-    case: Case, run: Trajectory, feeder_: FeederView, episode: int, span: slice, exact: bool = True
+    case: Case,
+    trajectory: Trajectory,
+    feeder_: FeederView,
+    episode: int,
+    span: slice,
+    exact: bool = True,
 ) -> MethodView:
     """What a method did in the slots `span` of an episode, counted from 0.
 
     `exact`: the profiles of the case are what came true.
     """
     slots, fleets = span.stop - span.start, device_fleets(case).values()
-    storage, shed = run.storage[:, span, episode], run.shed[:, span, episode]
+    storage, shed = trajectory.storage[:, span, episode], trajectory.shed[:, span, episode]
 
     def flows(fleet: DeviceFleet) -> list[Floats]:
         """(devices, slots) MW fed in by each of its flows: import and export stay apart."""
         if fleet.role == "storage":
             return [storage]
-        return [sign * run.flow(name)[:, span, episode] for name, sign in fleet.flows.items()]
+        return [
+            sign * trajectory.flow(name)[:, span, episode] for name, sign in fleet.flows.items()
+        ]
 
     def total(fleet: DeviceFleet, sign: float) -> Floats:
         return np.sum([np.maximum(sign * flow, 0.0).sum(0) for flow in flows(fleet)], axis=0)
 
     takers = in_roles(fleets, "storage", "exchange", "dispatchable", "weather")
     fed = {fleet.title: total(fleet, 1.0) for fleet in style.fleet_order(fleets)}
-    taken = {fleet.title: total(fleet, -1.0) for fleet in takers if fleet.taken}
+    intake = {fleet.title: total(fleet, -1.0) for fleet in takers if fleet.intake}
     unused = np.zeros(slots)
     for fleet in in_roles(fleets, "weather"):
         offered = _offered(case, feeder_, fleet, span)
         unused += np.maximum(offered - sum(flows(fleet)), 0.0).sum(0)
-    spilled = np.zeros(slots) if run.spill is None else run.spill[span, episode]
-    net: Floats = sum(fed.values(), np.zeros(slots)) - sum(taken.values(), np.zeros(slots))
+    spilled = np.zeros(slots) if trajectory.spill is None else trajectory.spill[span, episode]
+    net: Floats = sum(fed.values(), np.zeros(slots)) - sum(intake.values(), np.zeros(slots))
     size = np.array([t.e_mwh for t in case.ess])
-    energy = run.energy[:, span.start : span.stop + 1, episode]
+    energy = trajectory.energy[:, span.start : span.stop + 1, episode]
     return MethodView(
         fed=fed,
-        taken=taken,
+        intake=intake,
         spilled=spilled,
         curtailed=unused if exact else np.zeros(slots),
         demand=net - spilled + shed.sum(0),
         shed=shed,
         soc=energy / size[:, None],
-        cost=float(run.cost[span, episode].sum()),
+        cost=float(trajectory.cost[span, episode].sum()),
     )
 
 
@@ -205,16 +212,16 @@ def load_groups(case: Case, feeder_: FeederView, sheds: list[Floats]) -> list[tu
     total = sum((shed.sum(1) for shed in sheds), np.zeros(len(loads)))
     hit = np.flatnonzero(total > 1e-6)
     if len(hit) <= GROUPS:
-        parts = [(loads[k].name, np.array([k])) for k in hit]
+        groups = [(loads[k].name, np.array([k])) for k in hit]
     else:
         zone = np.array([feeder_.zone_of[case.network.bus(t.bus)] for t in loads])
-        parts = [(feeder_.zones[z], hit[zone[hit] == z]) for z in np.unique(zone[hit])]
-        parts = [(f"{_loads(len(at))}, {_buses(name)}", at) for name, at in parts]
-    parts.sort(key=lambda part: -float(total[part[1]].sum()))
-    rest = parts[GROUPS:]
-    if rest:
-        parts = [*parts[:GROUPS], (OTHERS, np.concatenate([at for _, at in rest]))]
-    return parts
+        groups = [(feeder_.zones[z], hit[zone[hit] == z]) for z in np.unique(zone[hit])]
+        groups = [(f"{_loads(len(rows))}, {_buses(name)}", rows) for name, rows in groups]
+    groups.sort(key=lambda group: -float(total[group[1]].sum()))
+    more = groups[GROUPS:]
+    if more:
+        groups = [*groups[:GROUPS], (OTHERS, np.concatenate([rows for _, rows in more]))]
+    return groups
 
 
 def _loads(n: int) -> str:

@@ -32,7 +32,7 @@ METHODS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 MARKERS = "osD^vPX*"
 DPI = 150
 TICKS_H = (0.25, 0.5, 1, 2, 3, 4, 6, 12)
-WITHIN = 13  # most ticks of a time axis of full width
+MAX_TICKS = 13  # of a time axis of full width
 
 
 def fleet_order(fleets: Iterable[AnyFleet]) -> list[AnyFleet]:
@@ -56,7 +56,7 @@ def look() -> AbstractContextManager[None]:
     return mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8})
 
 
-def keep(figure: Figure, path: str | Path | None) -> Figure:
+def write_figure(figure: Figure, path: str | Path | None) -> Figure:
     """Writes the figure where there is a path, whole or not at all."""
     if path is not None:
         with replacing_file(Path(path)) as fresh:
@@ -94,17 +94,19 @@ def aside(axis: Axes, **style: Any) -> None:
 
 def stairs(axis: Axes, hours: Floats, bottom: Floats, top: Floats, **style: Any) -> None:
     """Fills what is between two lines that are constant within a slot."""
-    axis.fill_between(hours, held(bottom), held(top), step="post", lw=0, **style)
+    axis.fill_between(
+        hours, with_last_repeated(bottom), with_last_repeated(top), step="post", lw=0, **style
+    )
 
 
-def held(values: Floats) -> Floats:
+def with_last_repeated(values: Floats) -> Floats:
     """(slots + 1,) the values, the last one to the end of its slot."""
     return np.append(values, values[-1:])
 
 
 def steps(axis: Axes, hours: Floats, values: Floats, **style: Any) -> None:
     """A line that is constant within a slot."""
-    axis.step(hours, held(values), where="post", **style)
+    axis.step(hours, with_last_repeated(values), where="post", **style)
 
 
 def shade(axis: Axes, hours: Floats, down: np.ndarray) -> None:
@@ -125,7 +127,7 @@ def time_axis(axis: Axes, start: datetime, hours: Floats, width: float = 1.0) ->
         hours: (slots + 1,) begin of every slot, and the end.
         width: share of a full page that the panel has.
     """
-    last, room = float(hours[-1]), WITHIN * width
+    last, room = float(hours[-1]), MAX_TICKS * width
     axis.set_xlim(float(hours[0]), last)
     if last <= 48.0:
         step = next((s for s in TICKS_H if last / s <= room), 24)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.files import check_picture
-from resilience.plots.style import headed, keep, look
+from resilience.plots.style import headed, look, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,10 +39,10 @@ def plot_water_values(values: WaterValues, path: str | Path | None = None) -> Fi
     with look():
         figure = Figure(figsize=(7.0, 0.8 + 1.5 * n), layout="constrained")
         axes = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
-        for axis, name, bus, each in zip(
+        for axis, name, bus, worth in zip(
             axes, values.units, values.buses, values.per_mwh, strict=True
         ):
-            shown = axis.pcolormesh(hours, values.soc, each.T, norm=norm, cmap="cividis")
+            shown = axis.pcolormesh(hours, values.soc, worth.T, norm=norm, cmap="cividis")
             axis.set_title(f"{name}, bus {bus}", loc="left", fontsize=9)
             axis.set_ylabel("state of charge")
         axes[-1].set_xlabel("hour of the day")
@@ -50,4 +50,4 @@ def plot_water_values(values: WaterValues, path: str | Path | None = None) -> Fi
             shown, ax=list(axes), label="worth of stored energy, $/MWh".replace("$", r"\$")
         )
         headed(figure, f"Water values: {values.about}")
-        return keep(figure, path)
+        return write_figure(figure, path)

@@ -33,7 +33,7 @@ def test_what_is_drawn_survives_a_save(report: rs.Report, folder: Path) -> None:
     np.testing.assert_array_equal(found.bound, report.bound)
     assert found.end_value_per_mwh == report.end_value_per_mwh
     for name in found.trajectories:
-        one, other = (storm(c, name, 1, 1).deeds[name] for c in (found, report))
+        one, other = (storm(c, name, 1, 1).methods[name] for c in (found, report))
         np.testing.assert_array_equal(one.demand, other.demand)
         np.testing.assert_array_equal(one.shed, other.shed)
 

@@ -51,17 +51,17 @@ def test_sources_add_up_to_the_demand_served(
     case = shown.case
     demand = sum(t.p_max_mw * case.profile(t.profile) for t in case.load)
     for episode in (1, 2):
-        one = storm(shown, name, episode, 1).deeds[name]
-        fed, taken = sum(one.fed.values()), sum(one.taken.values())
+        one = storm(shown, name, episode, 1).methods[name]
+        fed, taken = sum(one.fed.values()), sum(one.intake.values())
         np.testing.assert_allclose(one.demand, demand, atol=1e-9)
         np.testing.assert_allclose(fed - taken, demand - one.shed.sum(0), atol=1e-9)
-        assert min(v.min() for v in (*one.fed.values(), *one.taken.values(), one.shed)) >= -1e-12
+        assert min(v.min() for v in (*one.fed.values(), *one.intake.values(), one.shed)) >= -1e-12
 
 
 def test_days_are_parts_of_the_episode(days: Comparison) -> None:
     run = days.trajectories["rule"]
-    parts = [storm(days, "rule", 1, day).deeds["rule"] for day in (1, 2)]
-    whole = storm(days, "rule", 1, "all").deeds["rule"]
+    parts = [storm(days, "rule", 1, day).methods["rule"] for day in (1, 2)]
+    whole = storm(days, "rule", 1, "all").methods["rule"]
     assert sum(part.cost for part in parts) == pytest.approx(run.cost[:, 0].sum())
     np.testing.assert_array_equal(np.hstack([p.shed for p in parts]), whole.shed)
     np.testing.assert_array_equal(whole.soc, run.energy[:, :, 0] / 4.0)
@@ -70,7 +70,7 @@ def test_days_are_parts_of_the_episode(days: Comparison) -> None:
 
 def test_sun_that_nobody_takes_is_curtailed(tiny: Comparison) -> None:
     """Idle storage, the grid gone: 2 MW of sun for 1.5 MW of load, and 1 MW once bus 3 is away."""
-    one = storm(tiny, "idle", 1, 1).deeds["idle"]
+    one = storm(tiny, "idle", 1, 1).methods["idle"]
     np.testing.assert_allclose(one.curtailed[4:8], [0.5, 0.5, 1.0, 1.0])
     np.testing.assert_allclose(one.fed["grid"], 0.0, atol=1e-12)
     np.testing.assert_allclose(one.shed[1, 6:10], 0.5)
@@ -160,7 +160,7 @@ def test_a_storm_is_drawn(
     assert (tmp_path / "storm.png").stat().st_size > 20_000
     assert len(figure.axes) == 5 * len(names)
     demand = next(line for line in figure.axes[0].lines if line.get_label() == "demand")
-    arrays = storm(shown, names).deeds[names[0]]
+    arrays = storm(shown, names).methods[names[0]]
     np.testing.assert_array_equal(np.asarray(demand.get_ydata())[:-1], arrays.demand)
     titles = [axis.get_title(loc="left") for axis in figure.axes]
     assert [title.partition(":")[0] for title in titles if title] == names
