@@ -51,7 +51,7 @@ class TrajectoryACCheck:
     """What AC power flow says of a trajectory; arrays are (slots, scenarios).
 
     Attributes:
-        found: what it says of every member, arrays (slots * scenarios,) slot by slot.
+        members: what it says of every member, arrays (slots * scenarios,) slot by slot.
         slots, scenarios: their numbers.
         spill_mw: power that the dispatch had to take and could not use.
         planned_mw: losses that the dispatch reckoned with, 0 at copperplate.
@@ -59,7 +59,7 @@ class TrajectoryACCheck:
         step_h: hours of a slot.
     """
 
-    found: Carried = field(repr=False)
+    members: Carried = field(repr=False)
     slots: int
     scenarios: int
     planned_mw: Floats = field(repr=False)
@@ -68,7 +68,7 @@ class TrajectoryACCheck:
 
     def values(self, name: str) -> np.ndarray:
         """(slots, scenarios) one field of `Carried`."""
-        array: np.ndarray = getattr(self.found, name)
+        array: np.ndarray = getattr(self.members, name)
         return array.reshape(self.slots, self.scenarios)
 
     @property
@@ -138,32 +138,32 @@ class TrajectoryACCheck:
         )
 
 
-def ac_check_trajectory(world: World, run: Trajectory) -> TrajectoryACCheck:
+def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACCheck:
     """AC power flow of all slots and scenarios, in batch.
 
     Args:
         world: where it happened.
-        run: what happened.
+        trajectory: what happened.
     """
     case, n = world.microgrid.case, world.scenarios.n
     fleets = world.microgrid.fleets
     power = {
         name: rows
-        for kind, values in powers(world, run).items()
+        for kind, values in powers(world, trajectory).items()
         for name, rows in zip(fleets[kind].names, values, strict=True)
     }
     total = sum(power.values(), np.zeros((case.slots, n)))
-    spill = np.zeros_like(total) if run.spill is None else run.spill
+    spill = np.zeros_like(total) if trajectory.spill is None else trajectory.spill
     size = max(MEMBERS // max(n, 1), 1)
     parts = []
     for first in range(0, case.slots, size):
-        at = slice(first, first + size)
-        some = {name: values[at].ravel() for name, values in power.items()}
-        up = world.line_up[:, at].reshape(len(world.line_up), -1)
+        slots = slice(first, first + size)
+        some = {name: values[slots].ravel() for name, values in power.items()}
+        up = world.line_up[:, slots].reshape(len(world.line_up), -1)
         parts.append(carry(case, some, up))
-    whole = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
+    arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
     return TrajectoryACCheck(
-        found=Carried(**whole),
+        members=Carried(**arrays),
         slots=case.slots,
         scenarios=n,
         planned_mw=total - spill,

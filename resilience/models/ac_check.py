@@ -97,8 +97,8 @@ def _root_excess(
         return np.zeros((1, len(solution.converged)))
     planned = np.array([power[name] for name in units.names])
     fed = planned + solution.p_root_mw[units.bus]
-    least, most = units.least_mw[:, None], units.most_mw[:, None]
-    beyond = np.maximum(np.maximum(fed - most, least - fed), 0.0)
+    p_min, p_max = units.p_min_mw[:, None], units.p_max_mw[:, None]
+    beyond = np.maximum(np.maximum(fed - p_max, p_min - fed), 0.0)
     return np.where(chosen, beyond, 0.0)
 
 
@@ -149,13 +149,13 @@ class FormingUnits:
     Attributes:
         names: of the devices.
         bus: index of each one's bus in the case's network.
-        least_mw, most_mw: the power that it can feed in.
+        p_min_mw, p_max_mw: the power that it can feed in.
     """
 
     names: tuple[str, ...]
     bus: Ints
-    least_mw: Floats
-    most_mw: Floats
+    p_min_mw: Floats
+    p_max_mw: Floats
 
 
 def forming_units(fleets: list[DeviceFleet]) -> FormingUnits:
@@ -163,15 +163,15 @@ def forming_units(fleets: list[DeviceFleet]) -> FormingUnits:
     rows: list[tuple[bool, float, str, int, float]] = []
     for fleet in in_roles(fleets, "exchange", "dispatchable", "storage", "weather", "load"):
         for k in np.flatnonzero(fleet.forming()):
-            least, most = (float(limit[k]) for limit in fleet.power_range())
-            inner = fleet.role != "exchange"
-            rows.append((inner, -most, fleet.names[k], int(fleet.bus[k]), least))
+            p_min, p_max = (float(limit[k]) for limit in fleet.power_range())
+            is_inner = fleet.role != "exchange"
+            rows.append((is_inner, -p_max, fleet.names[k], int(fleet.bus[k]), p_min))
     rows.sort(key=lambda row: row[:2])
     return FormingUnits(
         names=tuple(name for _, _, name, _, _ in rows),
         bus=np.array([bus for *_, bus, _ in rows], np.intp),
-        least_mw=np.array([least for *_, least in rows], float),
-        most_mw=np.array([-most for _, most, *_ in rows], float),
+        p_min_mw=np.array([p_min for *_, p_min in rows], float),
+        p_max_mw=np.array([-minus_p_max for _, minus_p_max, *_ in rows], float),
     )
 
 

@@ -182,9 +182,9 @@ def _worst_root(
         return None
     planned = np.array([plan.tables["power"][name] for name in units.names])
     fed = np.where(chosen, planned + solution.p_root_mw[units.bus], np.nan)
-    least, most = units.least_mw[:, None], units.most_mw[:, None]
-    limit = np.where(fed - most > least - fed, most, least)
-    return _worst(case, units.names, fed, limit, np.maximum(fed - most, least - fed))
+    p_min, p_max = units.p_min_mw[:, None], units.p_max_mw[:, None]
+    limit = np.where(fed - p_max > p_min - fed, p_max, p_min)
+    return _worst(case, units.names, fed, limit, np.maximum(fed - p_max, p_min - fed))
 
 
 def _worst(

@@ -34,16 +34,16 @@ def shed_reasons(program: CaseProgram, z: Floats) -> dict[str, dict[str, float]]
     islands, causes = as_switched(program, z).island, _causes(program, z)
     reasons: dict[str, dict[str, float]] = {}
     for fleet in loads:
-        shed, island, whole = program.values(fleet.shed, z), islands[fleet.bus], fleet.whole()
+        shed, island, is_block = program.values(fleet.shed, z), islands[fleet.bus], fleet.is_block()
         for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE):
-            reason = _reason(causes, int(island[i, t]), int(t), bool(whole[i]))
+            reason = _reason(causes, int(island[i, t]), int(t), bool(is_block[i]))
             mwh = float(shed[i, t]) * program.case.step_h
             by_reason = reasons.setdefault(fleet.names[int(i)], {})
             by_reason[reason] = by_reason.get(reason, 0.0) + mwh
     return reasons
 
 
-def _reason(causes: dict[str, Bools], island: int, t: int, whole: bool) -> str:
+def _reason(causes: dict[str, Bools], island: int, t: int, is_block: bool) -> str:
     if causes["dead"][island, t]:
         return "no source"
     if causes["bound"][island, t]:
@@ -51,7 +51,7 @@ def _reason(causes: dict[str, Bools], island: int, t: int, whole: bool) -> str:
     for reason in ("reactive", "saved", "voltage", "rating"):
         if causes[reason][island, t]:
             return reason
-    return "block" if whole else "price"
+    return "block" if is_block else "price"
 
 
 def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:

@@ -138,7 +138,7 @@ def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, 
 
 
 def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:
-    """The energy balance in MWh: what was fed in, what was taken, and what the wires lost."""
+    """The energy balance in MWh: what was fed in, what was intake, and what the wires lost."""
     power, fleets = tables["power"], device_fleets(case)
 
     def flow(kind: str, sign: float) -> float:
@@ -153,12 +153,12 @@ def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:
     sources = in_roles(every, "weather", "dispatchable", "exchange", "storage")
     sinks = in_roles(every, "weather", "dispatchable", "storage", "exchange")
     fed = {f.fed.key: flow(f.kind, 1.0) for f in sources if f.fed}
-    taken = {f.taken.key: flow(f.kind, -1.0) for f in sinks if f.taken}
+    intake = {f.intake.key: flow(f.kind, -1.0) for f in sinks if f.intake}
     curtailed = {
         f.curtailed.key: total(_available(f)) - fed[f.fed.key]
         for f in every
         if f.curtailed and f.fed
     }
     demand, shed = total("demand"), total("shed")
-    losses = sum(fed.values()) - sum(taken.values(), start=demand - shed)
-    return {"demand": demand, "shed": shed, **fed, **taken, "losses": losses, **curtailed}
+    losses = sum(fed.values()) - sum(intake.values(), start=demand - shed)
+    return {"demand": demand, "shed": shed, **fed, **intake, "losses": losses, **curtailed}

@@ -95,14 +95,14 @@ def _money_and_energy(plan: Plan, width: int) -> RenderableType:
 def _energy_words(plan: Plan) -> list[tuple[str, str]]:
     """Keys of the energy balance and what they are called: where energy went, then its sources."""
     fleets = in_roles(fleet_classes(), "weather", "dispatchable", "storage", "exchange")
-    taken = [fleet.taken for fleet in fleets]
+    intake = [fleet.intake for fleet in fleets]
     sources = [
         term
         for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage")
         for term in (fleet.fed, fleet.curtailed)
     ]
     words = [("demand", "demand"), ("shed", "shed")]
-    words += [(term.key, term.words) for term in taken if term]
+    words += [(term.key, term.words) for term in intake if term]
     words += [("losses", "lost in wires")]
     words += [(term.key, term.words) for term in sources if term]
     return [(key, name) for key, name in words if key in plan.energy_mwh]

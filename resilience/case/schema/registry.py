@@ -143,14 +143,14 @@ def _case_models(devices: tuple[DeviceKind, ...]) -> tuple[type[Table], type[Hea
     lists: dict[str, Any] = {
         d.kind: (GenericAlias(tuple, (d.table, ...)), Field((), strict=False)) for d in devices
     }
-    whole = create_model(
+    case = create_model(
         "CaseTable",
         __base__=_NetworkAndTime,
         __doc__="A whole case file.",
         defaults=(defaults, Field(default_factory=defaults)),
         **lists,
     )
-    return defaults, whole
+    return defaults, case
 
 
 def case_schema() -> dict[str, Any]:

@@ -38,19 +38,21 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
     i, j = network.from_bus[firm], network.to_bus[firm]
     graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
     _, group = connected_components(graph, directed=False)
-    _, first, bus_of = np.unique(group, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    bus_of = order[bus_of.ravel()]
+    # Groups are numbered in the order of their first members, which name them: components come in
+    # an order of their own, and the rank of a first member is the new number of its group.
+    _, first, group_of = np.unique(group, return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))
+    bus_of = rank[group_of.ravel()]
     first = np.sort(first)
-    left = _lines(network, np.flatnonzero(~firm))
+    remaining = _lines(network, np.flatnonzero(~firm))
     merged = replace(
-        left,
+        remaining,
         bus_names=tuple(network.bus_names[k] for k in first),
         vn_kv=network.vn_kv[first],
         v_min_pu=network.v_min_pu[first],
         v_max_pu=network.v_max_pu[first],
-        from_bus=bus_of[left.from_bus],
-        to_bus=bus_of[left.to_bus],
+        from_bus=bus_of[remaining.from_bus],
+        to_bus=bus_of[remaining.to_bus],
         aliases={},
     )
     return merged, bus_of
@@ -130,6 +132,7 @@ def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
     graph.add_edges_from(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True))
     if graph.number_of_edges() < len(limit) or nx.cycle_basis(graph):
         return limit
+    # In a tree a line parts what hangs below its child from everything above it, per component.
     below = np.stack([supply, demand], axis=1)
     above = np.zeros_like(below)
     order, parent = _rooted(graph)
@@ -147,9 +150,11 @@ def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
 
 def _widest(supply: Floats, demand: Floats) -> float:
     """The most that any two groups of buses can send each other, wherever one bus of them is."""
-    sent, taken = supply.sum(), demand.sum()
-    with_it, to_it = np.minimum(sent, taken - demand), np.minimum(sent - supply, taken)
-    return float(np.maximum(with_it, to_it).min())
+    total_supply, total_demand = supply.sum(), demand.sum()
+    # The bus stands on the side that sends, or on the one that takes.
+    sending = np.minimum(total_supply, total_demand - demand)
+    taking = np.minimum(total_supply - supply, total_demand)
+    return float(np.maximum(sending, taking).min())
 
 
 def _rooted(graph: nx.Graph) -> tuple[list[int], Ints]:

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from resilience.arrays import Bools, Floats, Ints
 
-MOST = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in all
+MAX_NUMBERS = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in all
 
 
 @dataclass
@@ -36,20 +36,21 @@ class Islands:
         """How many patterns are known."""
         return len(self._column)
 
-    def of(self, line_up: Bools) -> tuple[Ints, Floats]:
+    def lookup(self, line_up: Bools) -> tuple[Ints, Floats]:
         """(buses, nodes) number of every bus's island, from 0, and 1 where that has a source.
 
         Args:
             line_up: (lines, nodes) whether a line can carry power.
         """
-        keys, first, at = np.unique(_keys(line_up), return_index=True, return_inverse=True)
+        keys, first, pattern = np.unique(_keys(line_up), return_index=True, return_inverse=True)
         names = keys.tolist()
         new = [k for k, name in enumerate(names) if name not in self._column]
         if new:
             self._learn([names[k] for k in new], line_up[:, first[new]])
+            # To learn may have been to forget: then what was known before is learnt, too.
             if any(name not in self._column for name in names):
                 self._learn(names, line_up[:, first])
-        columns = np.array([self._column[name] for name in names], np.intp)[at]
+        columns = np.array([self._column[name] for name in names], np.intp)[pattern]
         return self._island[:, columns], self._alive[:, columns]
 
     def _forget(self) -> None:
@@ -58,16 +59,16 @@ class Islands:
         self._alive = np.empty((len(self.forming), 0))
 
     def _learn(self, names: list[int | bytes], line_up: Bools) -> None:
-        if self._island.size + line_up.shape[1] * len(self.forming) > MOST:
+        if self._island.size + line_up.shape[1] * len(self.forming) > MAX_NUMBERS:
             self._forget()
         start = self._island.shape[1]
         self._column.update({name: start + k for k, name in enumerate(names)})
         island = self._search(line_up)
-        each = np.broadcast_to(np.arange(island.shape[1]), island.shape)
+        patterns = np.broadcast_to(np.arange(island.shape[1]), island.shape)
         has_source = np.zeros((island.max(initial=0) + 1, island.shape[1]), bool)
-        has_source[island[self.forming], each[self.forming]] = True
+        has_source[island[self.forming], patterns[self.forming]] = True
         self._island = np.concatenate([self._island, island], axis=1)
-        self._alive = np.concatenate([self._alive, has_source[island, each] * 1.0], axis=1)
+        self._alive = np.concatenate([self._alive, has_source[island, patterns] * 1.0], axis=1)
 
     def _search(self, line_up: Bools) -> Ints:
         """All patterns side by side in one graph: a search costs more to begin than to do."""
@@ -76,9 +77,9 @@ class Islands:
         i, j = self.ends[:, line] + pattern * buses
         n = buses * patterns
         graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
-        found = connected_components(graph, directed=False)[1].reshape(patterns, buses)
-        found = found - found.min(axis=1, keepdims=True, initial=n)
-        return found.T.astype(np.intp)
+        number = connected_components(graph, directed=False)[1].reshape(patterns, buses)
+        number = number - number.min(axis=1, keepdims=True, initial=n)  # from 0 in every pattern
+        return number.T.astype(np.intp)
 
 
 def _keys(line_up: Bools) -> np.ndarray:

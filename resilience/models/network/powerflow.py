@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 MEGA = 1e6
 RATED_V = 1e3
-STIFF_VA = 1e16  # short-circuit power of a root: 1e-10 pu behind it, where the default is 1e-4
-LEAST_X_PU = 1e-8  # in place of an impedance of zero, which has no admittance
-ALONE = 32  # members from which a pattern is worth a model of its own
-WANTED: Any = {
+SHORT_CIRCUIT_VA = 1e16  # of a root: 1e-10 pu behind it, where the default is 1e-4
+MIN_X_PU = 1e-8  # in place of an impedance of zero, which has no admittance
+MIN_MEMBERS = 32  # members from which a pattern is worth a model of its own
+OUTPUT: Any = {
     "node": ["u_pu"],
     "line": ["p_from", "q_from", "s_from", "p_to", "s_to"],
     "source": ["p", "q"],
@@ -44,9 +44,10 @@ WANTED: Any = {
 
 @dataclass(frozen=True)
 class Flow:
-    """What a power flow found. All values of a member that did not converge are NaN.
+    """The solution of a power flow. All values of a member that did not converge are NaN.
 
     Attributes:
+        network: what was solved.
         converged: (members,) False where there is no solution or an injection is no number.
         v_pu: (buses, members), NaN where a bus is dead.
         p_line_mw, q_line_mvar: (lines, members) at the sending end, 0 where nothing flows.
@@ -117,17 +118,27 @@ def flow(
     Raises:
         UsageError: arrays that do not fit the network, or an island with two roots.
     """
-    given = _Members.of(network, p_mw, q_mvar, line_up, root, v_root)
-    found = Flow.blank(network, given.sound)
-    for group in given.groups():
-        _solve(given, group, found)
-    _mask(found)
-    return found
+    members = _Members.checked(network, p_mw, q_mvar, line_up, root, v_root)
+    solution = Flow.blank(network, members.sound)
+    for group in members.groups():
+        _solve(members, group, solution)
+    _mask(solution)
+    return solution
 
 
 @dataclass(frozen=True)
 class _Members:
-    """What was asked for, with every array (.., members), and who has which outage pattern."""
+    """The request, every array spread over the members.
+
+    Attributes:
+        network: the network.
+        p, q: (buses, members) MW and Mvar fed in.
+        up: (lines, members) closed lines.
+        root: (buses, members) roots of islands.
+        v: (buses, members) pu to hold at roots.
+        live: (buses, members) whether a bus hangs on a root.
+        pattern: (members,) number of the pattern of lines and roots.
+    """
 
     network: Network
     p: Floats
@@ -139,7 +150,7 @@ class _Members:
     pattern: Ints
 
     @classmethod
-    def of(
+    def checked(
         cls, network: Network, p: Floats, q: Floats, up: Bools, root: Bools, v: ArrayLike
     ) -> _Members:
         buses, lines = len(network.bus_names), len(network.line_names)
@@ -157,8 +168,8 @@ class _Members:
     def sound(self) -> Bools:
         """(members,) all numbers finite; power-grid-model takes NaN for `as before`."""
         finite = np.isfinite(self.p) & np.isfinite(self.q)
-        held: Bools = np.isfinite(self.v) | ~self.root
-        return np.all((finite & held) | ~self.live, axis=0)
+        has_voltage = np.isfinite(self.v) | ~self.root
+        return np.all((finite & has_voltage) | ~self.live, axis=0)
 
     def groups(self) -> list[Ints]:
         """Indices of members to solve together: the common patterns alone, the rare ones at once.
@@ -168,9 +179,9 @@ class _Members:
         """
         chosen = np.flatnonzero(self.sound & self.live.any(axis=0))
         counts = np.bincount(self.pattern[chosen])
-        often = np.flatnonzero(counts >= ALONE)
+        often = np.flatnonzero(counts >= MIN_MEMBERS)
         groups = [chosen[self.pattern[chosen] == k] for k in often]
-        rare = chosen[counts[self.pattern[chosen]] < ALONE]
+        rare = chosen[counts[self.pattern[chosen]] < MIN_MEMBERS]
         return [*groups, rare] if len(rare) else groups
 
 
@@ -187,67 +198,67 @@ def _filled(name: str, array: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 def _islands(network: Network, up: Bools, root: Bools) -> tuple[Bools, Ints]:
     """(buses, members) whether a bus hangs on a root, and (members,) the number of the pattern."""
     packed = np.concatenate([np.packbits(up, axis=0), np.packbits(root, axis=0)])
-    whole = np.ascontiguousarray(packed.T).view(f"V{len(packed)}").ravel()
-    _, first, pattern = np.unique(whole, return_index=True, return_inverse=True)
+    keys = np.ascontiguousarray(packed.T).view(f"V{len(packed)}").ravel()
+    _, first, pattern = np.unique(keys, return_index=True, return_inverse=True)
     ends = np.stack([network.from_bus, network.to_bus])
     nobody = np.zeros(len(root), bool)
     n = len(first)
     situation = Situation(lambda _: np.ones(n), network.line_names, ends, up[:, first], nobody, n)
     island, roots = situation.island, root[:, first]
     count = np.zeros((island.max(initial=0) + 1, n), int)
-    bus, at = np.nonzero(roots)
-    np.add.at(count, (island[bus, at], at), 1)
+    bus, column = np.nonzero(roots)
+    np.add.at(count, (island[bus, column], column), 1)
     if (count > 1).any():
-        number, at = np.argwhere(count > 1)[0]
-        two = [network.bus_names[k] for k in np.flatnonzero(roots[:, at])]
-        two = [name for name in two if island[network.bus(name), at] == number]
+        number, column = np.argwhere(count > 1)[0]
+        buses = np.flatnonzero(roots[:, column] & (island[:, column] == number))
+        names = ", ".join(network.bus_names[k] for k in buses)
         raise UsageError(
-            f"one island of member {first[at]} has the roots {', '.join(two)}; allowed: one",
+            f"one island of member {first[column]} has the roots {names}; allowed: one",
             hint="`roots` chooses the largest forming unit of every island",
         )
     live = np.take_along_axis(count, island, axis=0) > 0
     return live[:, pattern], pattern
 
 
-def _solve(given: _Members, group: Ints, found: Flow) -> None:
-    """Solves a group and writes what it found; the members that fail become unconverged."""
+def _solve(members: _Members, group: Ints, solution: Flow) -> None:
+    """Solves a group and writes its solution; the members that fail become unconverged."""
     from power_grid_model import PowerGridModel
 
-    up, root = given.up[:, group], given.root[:, group]
+    up, root = members.up[:, group], members.root[:, group]
     lines, sources = np.flatnonzero(up.any(axis=1)), np.flatnonzero(root.any(axis=1))
-    model = PowerGridModel(_parts(given.network, lines, sources))
-    live = given.live[:, group]
+    model = PowerGridModel(_parts(members.network, lines, sources))
+    live = members.live[:, group]
     update: dict[str, Any] = {
         "sym_gen": {
-            "p_specified": _rows(np.where(live, given.p[:, group], 0.0) * MEGA),
-            "q_specified": _rows(np.where(live, given.q[:, group], 0.0) * MEGA),
+            "p_specified": _rows(np.where(live, members.p[:, group], 0.0) * MEGA),
+            "q_specified": _rows(np.where(live, members.q[:, group], 0.0) * MEGA),
         },
-        "source": {"u_ref": _rows(np.where(root, given.v[:, group], 1.0)[sources])},
+        "source": {"u_ref": _rows(np.where(root, members.v[:, group], 1.0)[sources])},
     }
     if not (up[lines].all() and root[sources].all()):
         closed = _rows(up[lines].astype(np.int8))
         update["line"] = {"from_status": closed, "to_status": closed}
         update["source"]["status"] = _rows(root[sources].astype(np.int8))
     answer: Any = model.calculate_power_flow(
-        update_data=update, output_component_types=WANTED, continue_on_batch_error=True
+        update_data=update, output_component_types=OUTPUT, continue_on_batch_error=True
     )
     error = model.batch_error
     if error is not None:
-        found.converged[group[np.asarray(error.failed_scenarios, np.intp)]] = False
-    found.v_pu[:, group] = np.where(live, answer["node"]["u_pu"].T, np.nan)
+        solution.converged[group[np.asarray(error.failed_scenarios, np.intp)]] = False
+    solution.v_pu[:, group] = np.where(live, answer["node"]["u_pu"].T, np.nan)
     if len(lines):
-        _wires(answer["line"], np.ix_(lines, group), found)
-        lost = answer["line"]["p_from"] + answer["line"]["p_to"]
-        found.loss_mw[group] = lost.sum(axis=1) / MEGA
-    at = np.ix_(sources, group)
-    found.p_root_mw[at] = answer["source"]["p"].T / MEGA
-    found.q_root_mvar[at] = answer["source"]["q"].T / MEGA
+        _write_lines(answer["line"], np.ix_(lines, group), solution)
+        loss_w = answer["line"]["p_from"] + answer["line"]["p_to"]
+        solution.loss_mw[group] = loss_w.sum(axis=1) / MEGA
+    places = np.ix_(sources, group)
+    solution.p_root_mw[places] = answer["source"]["p"].T / MEGA
+    solution.q_root_mvar[places] = answer["source"]["q"].T / MEGA
 
 
-def _wires(line: Any, at: Any, found: Flow) -> None:
-    found.p_line_mw[at] = line["p_from"].T / MEGA
-    found.q_line_mvar[at] = line["q_from"].T / MEGA
-    found.s_line_mva[at] = np.maximum(line["s_from"], line["s_to"]).T / MEGA
+def _write_lines(line: Any, places: tuple[Ints, ...], solution: Flow) -> None:
+    solution.p_line_mw[places] = line["p_from"].T / MEGA
+    solution.q_line_mvar[places] = line["q_from"].T / MEGA
+    solution.s_line_mva[places] = np.maximum(line["s_from"], line["s_to"]).T / MEGA
 
 
 def _rows(values: np.ndarray) -> np.ndarray:
@@ -271,17 +282,17 @@ def _parts(network: Network, lines: Ints, sources: Ints) -> dict[str, np.ndarray
     line["from_node"], line["to_node"] = network.from_bus[lines], network.to_bus[lines]
     line["from_status"], line["to_status"] = 1, 1
     r, x = network.r_pu[lines], network.x_pu[lines]
-    line["r1"], line["x1"] = r, np.where(np.hypot(r, x) < LEAST_X_PU, LEAST_X_PU, x)
+    line["r1"], line["x1"] = r, np.where(np.hypot(r, x) < MIN_X_PU, MIN_X_PU, x)
     line["c1"], line["tan1"] = 0.0, 0.0
     source: Any = initialize_array("input", "source", len(sources))
     source["id"], source["node"] = first[3] + np.arange(len(sources)), sources
-    source["status"], source["u_ref"], source["sk"] = 1, 1.0, STIFF_VA
+    source["status"], source["u_ref"], source["sk"] = 1, 1.0, SHORT_CIRCUIT_VA
     return {"node": node, "sym_gen": feed, "line": line, "source": source}
 
 
-def _mask(found: Flow) -> None:
+def _mask(solution: Flow) -> None:
     """What power-grid-model leaves in a failed member are numbers that mean nothing."""
-    failed = ~found.converged
+    failed = ~solution.converged
     for name in ("v_pu", "p_line_mw", "q_line_mvar", "s_line_mva", "p_root_mw", "q_root_mvar"):
-        getattr(found, name)[:, failed] = np.nan
-    found.loss_mw[failed] = np.nan
+        getattr(solution, name)[:, failed] = np.nan
+    solution.loss_mw[failed] = np.nan

@@ -37,18 +37,18 @@ class Situation:
     islands: Islands | None = None
 
     @cached_property
-    def _found(self) -> tuple[Ints, Floats]:
-        return (self.islands or Islands(self.ends, self.forming)).of(self.line_up)
+    def _islands(self) -> tuple[Ints, Floats]:
+        return (self.islands or Islands(self.ends, self.forming)).lookup(self.line_up)
 
     @property
     def island(self) -> Ints:
         """(buses, nodes) number of the island that each bus belongs to, from 0."""
-        return self._found[0]
+        return self._islands[0]
 
     @property
     def alive(self) -> Floats:
         """(buses, nodes) 1 where the island has a forming unit, 0 where it is dead."""
-        return self._found[1]
+        return self._islands[1]
 
     def alive_at(self, bus: Ints) -> Floats:
         """(devices, nodes) `alive` of the buses where devices stand."""

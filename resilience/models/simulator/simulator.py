@@ -122,8 +122,8 @@ class Simulator(Plant):
         blocks = {
             f"{fleet.shed}[{name}]"
             for fleet in in_roles(microgrid.fleets.values(), "load")
-            for name, whole in zip(fleet.names, fleet.whole(), strict=True)
-            if whole
+            for name, is_block in zip(fleet.names, fleet.is_block(), strict=True)
+            if is_block
         }
         self._blocks: Ints = np.flatnonzero([name in blocks for name in self.columns])
         self._orders: dict[bytes, Order] = {}

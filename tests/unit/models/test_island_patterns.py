@@ -14,7 +14,7 @@ from resilience.models.network.islands import Islands
 
 def agree(table: Islands, up: np.ndarray) -> None:
     """What the table says is what networkx finds."""
-    island, alive = table.of(up)
+    island, alive = table.lookup(up)
     buses = len(table.forming)
     for node in range(up.shape[1]):
         graph = nx.empty_graph(buses)
@@ -50,12 +50,12 @@ def test_a_pattern_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
         up[microgrid.lines_of] = rng.random((4, 300)) < 0.5
         agree(microgrid.islands, up[microgrid.lines_of])
         situation = microgrid.situation(up)
-        assert (situation.island == microgrid.islands.of(up[microgrid.lines_of])[0]).all()
+        assert (situation.island == microgrid.islands.lookup(up[microgrid.lines_of])[0]).all()
     assert sum(searched) == microgrid.islands.patterns == 16
 
 
 def test_a_full_table_starts_anew_and_stays_right(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST", 40)
+    monkeypatch.setattr(module, "MAX_NUMBERS", 40)
     rng = np.random.default_rng(1)
     table = Islands(np.array([[0, 1, 2, 3], [1, 2, 3, 0]]), np.array([True, False, False, True]))
     for _ in range(20):

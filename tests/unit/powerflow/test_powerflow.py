@@ -8,7 +8,7 @@ import pytest
 
 from resilience.case import Case, Network, load_case
 from resilience.errors import UsageError
-from resilience.models.network.powerflow import ALONE, Flow, flow
+from resilience.models.network.powerflow import MIN_MEMBERS, Flow, flow
 from resilience.testing import small_case
 from tests.unit.powerflow.oracle import oracle
 
@@ -92,10 +92,10 @@ def test_two_islands_with_a_root_each(network: Network) -> None:
 
 
 def test_mixed_patterns_in_one_batch_are_the_members_one_by_one(network: Network) -> None:
-    members = 3 * ALONE
+    members = 3 * MIN_MEMBERS
     given = drawn(network, members, np.random.default_rng(2), broken=0.2)
     patterns = np.unique(given["line_up"], axis=1, return_counts=True)[1]
-    assert patterns.max() >= ALONE > patterns.min()  # both ways of solving are at work
+    assert patterns.max() >= MIN_MEMBERS > patterns.min()  # both ways of solving are at work
     found = flow(network, **given)
     assert found.converged.all()
     for k in range(members):
@@ -121,7 +121,7 @@ def test_the_root_gives_what_is_left_over(network: Network) -> None:
     assert not found.p_root_mw[~given["root"]].any()
 
 
-@pytest.mark.parametrize("members", [12, 4 * ALONE])
+@pytest.mark.parametrize("members", [12, 4 * MIN_MEMBERS])
 @pytest.mark.parametrize("bad", [-1e4, np.nan, np.inf])
 def test_a_member_without_solution_is_masked_and_disturbs_no_other(
     network: Network, members: int, bad: float

@@ -75,7 +75,7 @@ def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.Mo
     whole = ac_check_trajectory(world, run)
     monkeypatch.setattr(certify, "MEMBERS", 40)
     small_pieces = ac_check_trajectory(world, run)
-    for name in vars(whole.found):
+    for name in vars(whole.members):
         np.testing.assert_allclose(whole.values(name), small_pieces.values(name), atol=1e-9)
 
 
