@@ -1,4 +1,4 @@
-"""A case's deterministic horizon as one problem, with its data."""
+"""A case's deterministic horizon as one program, with its data."""
 
 from __future__ import annotations
 

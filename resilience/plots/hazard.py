@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from resilience.fragility.feeder_hazard import Hazard
 
 SWATH_MPS = (17.5, 25, 33, 42, 50, 60, 80)
-MAP = "YlGnBu"
-RISK = "YlOrRd"
+WIND_MAP = "YlGnBu"
+RISK_MAP = "YlOrRd"
 REACH_DEG = 2.5
 CELLS = 90
-APART_DEG = 0.35  # of times along the track
+MIN_DISTANCE_DEG = 0.35  # of times along the track
 CURVE_MPS = np.linspace(15.0, 110.0, 191)
 
 
 def plot_hazard(hazard: Hazard, path: str | Path | None = None) -> Figure:
-    """Draws a storm's hazard; with `path` it is also written tfeeder.
+    """Draws a storm's hazard; with `path` it is also written there.
 
     Args:
         hazard: from `resilience.hazard`.
@@ -81,7 +81,7 @@ def _map(figure: Figure, axis: Axes, hazard: Hazard) -> None:
         eye, up.ravel(), around, model=table.wind, asymmetry=table.asymmetry, inflow=table.inflow
     ).speed_mps.max(axis=1)
     shades = axis.contourf(
-        x, y, blown.reshape(across.shape), SWATH_MPS, cmap=MAP, extend="both", alpha=0.85
+        x, y, blown.reshape(across.shape), SWATH_MPS, cmap=WIND_MAP, extend="both", alpha=0.85
     )
     figure.colorbar(shades, ax=axis, label="strongest wind, m/s, 1-min mean at sea", shrink=0.85)
     for member in feeder.members[:60] if len(feeder.members) > 1 else ():
@@ -112,7 +112,7 @@ def _clock(axis: Axes, hazard: Hazard, lat: Floats, lon: Floats, shown: np.ndarr
         if shown[k] and (first + minutes[k]) % 180.0 < step:
             here = np.array([lon[k], lat[k]])
             axis.plot(lon[k], lat[k], "o", ms=3.5, color="black")
-            if np.hypot(*(here - last)) < APART_DEG:
+            if np.hypot(*(here - last)) < MIN_DISTANCE_DEG:
                 continue
             last = here
             when = f"{int((first + minutes[k]) // 60) % 24:02d} h"
@@ -137,7 +137,7 @@ def _feeder(figure: Figure, axis: Axes, hazard: Hazard) -> None:
     east, north = place.bus_km
     chance = dict(zip(feeder.lines.names, feeder.failed_by[:, -1], strict=True))
     top = np.ceil(4.0 * max(chance.values(), default=1.0)) / 4.0
-    scale, colours = Normalize(0.0, max(top, 0.25)), mpl.colormaps[RISK]
+    scale, colours = Normalize(0.0, max(top, 0.25)), mpl.colormaps[RISK_MAP]
     for k, name in enumerate(network.line_names):
         i, j = network.from_bus[k], network.to_bus[k]
         may_fail = name in chance
@@ -205,7 +205,7 @@ def _curves(axis: Axes, hazard: Hazard) -> None:
     """Curves of the elements, and of the shortest and the longest line in an even wind."""
     feeder = hazard.storm
     curves = [series.curve for series in feeder.lines.series]
-    for curve, colour in zip(curves, style.METHODS, strict=False):
+    for curve, colour in zip(curves, style.METHOD_COLOURS, strict=False):
         probability = curve.probability(CURVE_MPS)
         axis.plot(CURVE_MPS, probability, color=colour, lw=1.6, label=curve.name)
     spans = np.bincount(feeder.lines.span_line, minlength=len(feeder.lines.names))

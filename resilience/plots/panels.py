@@ -10,9 +10,9 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.plots.style import (
     DEMAND_COLOUR,
+    OUTAGE_COLOUR,
     SHED_COLOUR,
     STORAGE_COLOUR,
-    STORMY,
     aside,
     colours,
     stairs,
@@ -189,7 +189,7 @@ def draw_lines_out(axis: Axes, hours: Floats, names: Sequence[str], down: Bools)
     for row in range(len(names)):
         first, stop = np.flatnonzero(change[row] == 1), np.flatnonzero(change[row] == -1)
         spans = [(hours[a], hours[b] - hours[a]) for a, b in zip(first, stop, strict=True)]
-        axis.broken_barh(spans, (row + 0.15, 0.7), color=STORMY, lw=0)
+        axis.broken_barh(spans, (row + 0.15, 0.7), color=OUTAGE_COLOUR, lw=0)
     every = 1 if len(names) <= MAX_LABELLED else int(np.ceil(len(names) / 8))
     ticks = range(0, len(names), every)
     axis.set_yticks([k + 0.5 for k in ticks], [names[k] for k in ticks], fontsize=7)

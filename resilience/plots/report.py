@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-WIDE = 15.0  # ratio of the largest to the smallest value from which an axis is logarithmic
-FEW = 9  # days below which each is a dot
-LEAST = 1e-6  # $/day; below, a cost is a solver's rounding and has no place on such an axis
-LETTERS = 108  # of a line of the heading
-ALIKE_MWH = 0.01  # shedding below this is drawn on a linear scale, MWh/day
+LOGARITHMIC_FROM = 15.0  # largest over smallest value, from which an axis is logarithmic
+MAX_DOTTED_DAYS = 9  # days below which each is a dot
+MIN_DRAWN_COST = 1e-6  # $/day; below, a cost is rounding and has no place on such an axis
+MAX_LETTERS = 108  # of a line of the heading
+LINEAR_BELOW_MWH = 0.01  # shedding below this is drawn on a linear scale, MWh/day
 OFFSETS = [
     (shift * side, up, "left" if side > 0 else "right")
     for up in (0, 9, -9, 18, -18, 27)
@@ -80,13 +80,16 @@ def _title(compared: Compared) -> str:
         f"{compared.case.name}: {n} episode{'s' * (n != 1)} of {days:g} day{'s' * (days != 1)} "
         f"from {compared.case.start:%Y-%m-%d}"
     )
-    return "\n".join([head, *textwrap.wrap(" ".join(verdict(compared)[:2]), LETTERS)])
+    return "\n".join([head, *textwrap.wrap(" ".join(verdict(compared)[:2]), MAX_LETTERS)])
 
 
 def _look(k: int) -> dict[str, Any]:
     """Colour and marker of the k-th method; the pair repeats after many."""
-    shape = (k + k // len(style.METHODS)) % len(style.MARKERS)
-    return {"color": style.METHODS[k % len(style.METHODS)], "marker": style.MARKERS[shape]}
+    shape = (k + k // len(style.METHOD_COLOURS)) % len(style.MARKERS)
+    return {
+        "color": style.METHOD_COLOURS[k % len(style.METHOD_COLOURS)],
+        "marker": style.MARKERS[shape],
+    }
 
 
 def _over(axis: Axes, rows: list[Record], looks: dict[str, dict[str, Any]]) -> None:
@@ -128,9 +131,11 @@ def _numbers(axis: Axes, rows: list[Record]) -> None:
 def _scale(axis: Axes, values: Floats) -> float:
     """Sets the x-axis, logarithmic where values differ widely; returns the least that is drawn."""
     low, high = float(values.min()), float(values.max())
-    positive = values[values > LEAST]
-    if np.quantile(values, 0.1) <= LEAST or high < WIDE * float(positive.min()):
-        low, high = min(low, 0.0), high if high > LEAST else 1.0
+    positive = values[values > MIN_DRAWN_COST]
+    if np.quantile(values, 0.1) <= MIN_DRAWN_COST or high < LOGARITHMIC_FROM * float(
+        positive.min()
+    ):
+        low, high = min(low, 0.0), high if high > MIN_DRAWN_COST else 1.0
         axis.set_xlim(low - 0.04 * (high - low) * (low < 0), high + 0.06 * (high - low))
         return -np.inf
     low = float(positive.min())
@@ -162,7 +167,7 @@ def _daily(
         values.insert(0, daily_cost(compared, BOUND).ravel())
         colours.insert(0, "#6b7280")
     _scale(axis, np.concatenate(values))
-    few = len(values[0]) < FEW
+    few = len(values[0]) < MAX_DOTTED_DAYS
     if few:
         for k, (dots, colour) in enumerate(zip(values, colours, strict=True)):
             spread = k + np.linspace(-0.22, 0.22, len(dots)) if len(dots) > 1 else [k]
@@ -193,12 +198,12 @@ def _trade(axis: Axes, rows: list[Record], looks: dict[str, dict[str, Any]]) -> 
     floor = _scale(axis, cost)
     for row, x, y in zip(rows, cost, shed, strict=True):
         axis.plot(max(x, floor), y, ms=8, mec="white", mew=0.8, clip_on=False, **looks[row.name])
-    if shed.max() > WIDE * max(float(shed.min()), ALIKE_MWH):
-        axis.set_yscale("symlog", linthresh=ALIKE_MWH, linscale=0.5)
+    if shed.max() > LOGARITHMIC_FROM * max(float(shed.min()), LINEAR_BELOW_MWH):
+        axis.set_yscale("symlog", linthresh=LINEAR_BELOW_MWH, linscale=0.5)
         from matplotlib.ticker import FuncFormatter
 
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
-    axis.set_ylim(0.0, max(1.5 * shed.max(), ALIKE_MWH))
+    axis.set_ylim(0.0, max(1.5 * shed.max(), LINEAR_BELOW_MWH))
     axis.set_xlabel(style.plain("mean cost above the bound, $/day"))
     axis.set_ylabel("mean energy shed, MWh/day")
     axis.grid(color="#e5e7eb", lw=0.6)

@@ -47,10 +47,10 @@ def daily_cost(compared: Compared, method: str) -> Floats:
 
     The days of an episode add up to its objective and the worth of what was stored at its start.
     """
-    run, case = compared.trajectories[method], compared.case
+    trajectory, case = compared.trajectories[method], compared.case
     first = [span.start for span in day_spans(case)]
-    spent = np.add.reduceat(run.cost, first, axis=0)
-    stored = run.energy[:, [*first, case.slots]].sum(0)
+    spent = np.add.reduceat(trajectory.cost, first, axis=0)
+    stored = trajectory.energy[:, [*first, case.slots]].sum(0)
     return spent - compared.end_value_per_mwh * np.diff(stored, axis=0)
 
 

@@ -145,7 +145,7 @@ def _power(axis: Axes, hours: Floats, method: MethodView, curtailed: str) -> Non
 def _shed(axis: Axes, hours: Floats, groups: list[tuple[str, Ints]], method: MethodView) -> None:
     import matplotlib as mpl
 
-    shades = mpl.colormaps[style.SHED](np.linspace(0.95, 0.3, max(len(groups), 2)))
+    shades = mpl.colormaps[style.SHED_MAP](np.linspace(0.95, 0.3, max(len(groups), 2)))
     top = np.zeros(len(hours) - 1)
     for (name, rows), colour in zip(groups, shades, strict=False):
         shed = method.shed[rows].sum(0)

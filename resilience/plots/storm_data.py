@@ -22,8 +22,8 @@ from resilience.models.network.situation import Situation
 from resilience.plots import style
 from resilience.simulation.trajectory import Trajectory
 
-GROUPS = 6  # of loads that are shed; what else is shed is one more
-LETTERS = 12  # of the name of a zone, unless the first of its buses has more
+MAX_GROUPS = 6  # of loads that are shed; what else is shed is one more
+MAX_LETTERS = 12  # of the name of a zone, unless the first of its buses has more
 OTHERS = "others"
 
 
@@ -139,7 +139,7 @@ def _zone_name(names: list[str]) -> str:
                 runs.append([number, number])
         names = [f"{a}" if a == b else f"{a}–{b}" for a, b in runs]
     shown = names[:1]
-    while len(shown) < len(names) and len(", ".join([*shown, names[len(shown)]])) <= LETTERS:
+    while len(shown) < len(names) and len(", ".join([*shown, names[len(shown)]])) <= MAX_LETTERS:
         shown.append(names[len(shown)])
     return ", ".join(shown) + (", ..." if len(shown) < len(names) else "")
 
@@ -211,16 +211,16 @@ def load_groups(case: Case, feeder_: FeederView, sheds: list[Floats]) -> list[tu
     loads = case.tables_of(LoadTable)
     total = sum((shed.sum(1) for shed in sheds), np.zeros(len(loads)))
     hit = np.flatnonzero(total > 1e-6)
-    if len(hit) <= GROUPS:
+    if len(hit) <= MAX_GROUPS:
         groups = [(loads[k].name, np.array([k])) for k in hit]
     else:
         zone = np.array([feeder_.zone_of[case.network.bus(t.bus)] for t in loads])
         groups = [(feeder_.zones[z], hit[zone[hit] == z]) for z in np.unique(zone[hit])]
         groups = [(f"{_loads(len(rows))}, {_buses(name)}", rows) for name, rows in groups]
     groups.sort(key=lambda group: -float(total[group[1]].sum()))
-    more = groups[GROUPS:]
+    more = groups[MAX_GROUPS:]
     if more:
-        groups = [*groups[:GROUPS], (OTHERS, np.concatenate([rows for _, rows in more]))]
+        groups = [*groups[:MAX_GROUPS], (OTHERS, np.concatenate([rows for _, rows in more]))]
     return groups
 
 

@@ -24,11 +24,20 @@ SHED_COLOUR = "#a3157e"
 DEMAND_COLOUR = "#000000"
 STORAGE_COLOUR = ESS.colour
 """Of what all storage holds together."""
-SHED = "RdPu"
+SHED_MAP = "RdPu"
 """Colour map of groups of loads that are shed."""
-STORMY = "#4b5563"
+OUTAGE_COLOUR = "#4b5563"
 """Lines that are out."""
-METHODS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8a6d3b")
+METHOD_COLOURS = (
+    "#0072b2",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+    "#e69f00",
+    "#56b4e9",
+    "#000000",
+    "#8a6d3b",
+)
 MARKERS = "osD^vPX*"
 DPI = 150
 TICKS_H = (0.25, 0.5, 1, 2, 3, 4, 6, 12)
@@ -43,7 +52,7 @@ def fleet_order(fleets: Iterable[AnyFleet]) -> list[AnyFleet]:
 def colours() -> dict[str, str]:
     """Colour of the power of every fleet by its title, and of `shed` and `demand`.
 
-    Okabe and Ito (2008), the yellow a little darker; shed is the dark end of `SHED`.
+    Okabe and Ito (2008), the yellow a little darker; shed is the dark end of `SHED_MAP`.
     """
     fleets = {fleet.title: fleet.colour for fleet in fleet_order(fleet_classes())}
     return fleets | {"shed": SHED_COLOUR, "demand": DEMAND_COLOUR}

@@ -28,7 +28,7 @@ Role = Literal["dispatchable", "weather", "storage", "exchange", "load"]
 - storage: moves energy in time, its state is `stored`;
 - exchange: trades with a grid outside; its tables extend `GridTable`;
 - load: takes its `expected` power, the datum `<kind>.demand`, or sheds it, the variable
-  `<kind>.shed`, of which the datum `<kind>.shed_min` is out of reach; its tables extend `LoadTable`.
+  `<kind>.shed`, at least the datum `<kind>.shed_min`; its tables extend `LoadTable`.
 """
 
 
