@@ -45,7 +45,7 @@ def _run(case_name: str, method: str) -> Trajectory:
     """One storm path over the test days, building included."""
     case = held_out(load_case(case_name), DAYS)
     storms = sample_bell(case, case_bell(case), 1, 0)
-    world = World.build(Microgrid.of(case, "copperplate"), storms)
+    world = World.build(Microgrid.build(case, "copperplate"), storms)
     return simulate(world, DISPATCHERS[method](world))
 
 

@@ -24,7 +24,7 @@ MAX_SHARE = 0.5  # of an episode of the fastest solver-based method
 
 def judging() -> Iterator[Row]:
     case = held_out(load_case("ieee33-tou"), DAYS)
-    microgrid, bell = Microgrid.of(case, "copperplate"), case_bell(case)
+    microgrid, bell = Microgrid.build(case, "copperplate"), case_bell(case)
     worlds = {n: World.build(microgrid, sample_bell(case, bell, n, 0)) for n in (1, DRAWS)}
     single, all_draws = (timed(clairvoyant, worlds[n])[0] for n in (1, DRAWS))
     further = (all_draws - single) / (DRAWS - 1)

@@ -25,7 +25,7 @@ MAX_BUILD_S = 10.0
 def training() -> Iterator[Row]:
     case = held_out(load_case(CASE), 1)
     bell = Bell(centres=(CENTRE,))
-    world = World.build(Microgrid.of(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
+    world = World.build(Microgrid.build(case, "copperplate"), sample_bell(case, bell, DRAWS, 0))
     book = Book(case, bell, cache=False)
     _, end = book.ends(world.end_value_per_mwh)
     seconds, cuts = timed(book.cut_set, CENTRE, end)

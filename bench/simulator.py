@@ -48,7 +48,7 @@ class Bench:
 
     @classmethod
     def for_case(cls, case: Case, batch: int) -> Bench:
-        simulator = Simulator(Microgrid.of(case, "copperplate"), case.step_h)
+        simulator = Simulator(Microgrid.build(case, "copperplate"), case.step_h)
         rng = np.random.default_rng(0)
         up = np.ones((len(case.network.line_names), batch), bool)
         up[case.network.breakpoint] = rng.random((case.network.breakpoint.sum(), batch)) < 0.5
@@ -231,7 +231,7 @@ def stepping() -> Iterator[Row]:
 def wired(batch: int) -> float:
     """Seconds of a step on the feeder at lindistflow."""
     case = load_case("ieee33")
-    simulator = NetworkSimulator(Microgrid.of(case, "lindistflow"), case.step_h)
+    simulator = NetworkSimulator(Microgrid.build(case, "lindistflow"), case.step_h)
     bench = Bench.for_case(case, batch)
     bench.simulator = simulator
     bench.data, bench.island = bench.slot_data()

@@ -49,7 +49,7 @@ class MergedGrid:
 
 def merged_grid(case: Case) -> MergedGrid:
     """Joins devices of a case that no program can tell apart."""
-    microgrid = Microgrid.of(case, "copperplate")
+    microgrid = Microgrid.build(case, "copperplate")
     mixed: dict[str, tuple[tuple[str | None, ...], Floats]] = {}
     devices = dict(case.devices)
     for kind, fleet in microgrid.fleets.items():

@@ -84,7 +84,7 @@ class MPC:
         case = world.microgrid.case
         self.belief = belief or case_belief(case, world.scenarios.lines)
         self.memory = Memory(world, self.belief.daily)
-        self.reserve = Reserve(Microgrid.of(case, "copperplate"), world.scenarios.lines)
+        self.reserve = Reserve(Microgrid.build(case, "copperplate"), world.scenarios.lines)
         self.program = WindowProgram(merged_grid(case), self.steps, 1, self.reserve)
         self.value = stored_energy_value(case, world.end_value_per_mwh)
         self.price = reserve_price(case)

@@ -133,7 +133,7 @@ def _fallible(case: Case, scenarios: Scenarios) -> Microgrid:
     from resilience.case import Outage
 
     outages = tuple(Outage(line, 0, 1) for line in scenarios.lines)
-    return Microgrid.of(case.replace(outages=outages), "copperplate")
+    return Microgrid.build(case.replace(outages=outages), "copperplate")
 
 
 def _islands(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Island]:

@@ -92,7 +92,7 @@ def terminal_credit(case: Case, energy: Floats) -> Floats:
 
 def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
     """The whole horizon of the case, its outages known in advance."""
-    microgrid = Microgrid.of(case, physics)
+    microgrid = Microgrid.build(case, physics)
     labels = [case.slot_label(t) for t in range(case.slots)]
     standard = unroll([microgrid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(microgrid))
     situation = microgrid.situation(status(case))

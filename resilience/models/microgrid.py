@@ -56,7 +56,7 @@ class Microgrid:
     fallible: Bools
 
     @classmethod
-    def of(cls, case: Case, physics: Physics = "lindistflow") -> Microgrid:
+    def build(cls, case: Case, physics: Physics = "lindistflow") -> Microgrid:
         """The case at a level of physics.
 
         Raises:

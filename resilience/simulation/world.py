@@ -192,4 +192,4 @@ def microgrid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Phy
     """The microgrid in which every line of the scenarios can fail."""
     hit = {outage.line for outage in case.outages}
     more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
-    return Microgrid.of(case.replace(outages=(*case.outages, *more)) if more else case, physics)
+    return Microgrid.build(case.replace(outages=(*case.outages, *more)) if more else case, physics)

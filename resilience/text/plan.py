@@ -191,7 +191,7 @@ def _islands(case: Case) -> list[str]:
 
     if not case.outages:
         return []
-    microgrid = Microgrid.of(case, "copperplate")
+    microgrid = Microgrid.build(case, "copperplate")
     situation = microgrid.situation(status(case))
     counts = situation.island.max(axis=0) + 1
     worst = int(counts.argmax())

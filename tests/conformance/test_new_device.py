@@ -140,7 +140,9 @@ def test_it_can_carry_an_island_alone() -> None:
 def test_dispatchers_use_it_and_are_judged(methods: list[str]) -> None:
     """The clairvoyant bound is among the trajectories; every one closes its balance."""
     case = windy(ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])
-    report = evaluate(World.of(Microgrid.of(case, "copperplate"), calm(case)), methods, ac=True)
+    report = evaluate(
+        World.build(Microgrid.build(case, "copperplate"), calm(case)), methods, ac=True
+    )
     for trajectory in report.trajectories.values():
         fed = powers(report.world, trajectory)
         np.testing.assert_allclose(sum(power.sum(0) for power in fed.values()), 0.0, atol=1e-6)
@@ -154,7 +156,7 @@ def test_dispatchers_use_it_and_are_judged(methods: list[str]) -> None:
 
 def test_the_network_simulator_steps_it() -> None:
     case = windy(ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])
-    world = World.of(Microgrid.of(case, "lindistflow"), calm(case))
+    world = World.build(Microgrid.build(case, "lindistflow"), calm(case))
     trajectory = simulate(world, Idle(world))
     assert trajectory.shed_mwh.max() == pytest.approx(0.0, abs=1e-6)
     assert trajectory.flow("turbine.p").sum() > 6.0
@@ -234,7 +236,7 @@ def test_a_new_load_is_served_or_shed_like_any_other(method: str) -> None:
 def test_a_new_load_counts_where_dispatchers_are_judged() -> None:
     pumps = [{"bus": "2", "p_max_mw": 4.0, "shed_cost_per_mwh": 5.0, "critical": True}]
     case = windy(pump=pumps, ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])
-    report = evaluate(World.of(Microgrid.of(case, "copperplate"), calm(case)), ["greedy"])
+    report = evaluate(World.build(Microgrid.build(case, "copperplate"), calm(case)), ["greedy"])
     measures = report.measures["greedy"]
     assert measures.has_critical
     assert measures.daily_shed_mwh.sum() == pytest.approx(
@@ -266,6 +268,6 @@ def test_what_nobody_could_handle_is_refused(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_the_papers_recourse_refuses_what_it_has_no_equation_for() -> None:
-    microgrid = Microgrid.of(windy(), "copperplate")
+    microgrid = Microgrid.build(windy(), "copperplate")
     with pytest.raises(UsageError, match=r"the paper's recourse does not know turbine\.p"):
         Simulator(microgrid, 1.0, "paper")

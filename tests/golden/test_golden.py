@@ -130,7 +130,7 @@ def rounded(text: str) -> str:
 def written(name: str, folder: Path) -> str:
     kinds, physics, tables = GOLDEN[name]
     path = folder / f"{name}.lp"
-    alone(Microgrid.of(tiny_case(**tables), physics), kinds).write(path)
+    alone(Microgrid.build(tiny_case(**tables), physics), kinds).write(path)
     return rounded(path.read_text())
 
 

@@ -46,7 +46,7 @@ def microgrid() -> Microgrid:
         grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
         profiles={"demand": [1.0], "sun": [1.0]},
     )
-    return Microgrid.of(case, "copperplate")
+    return Microgrid.build(case, "copperplate")
 
 
 @dataclass(frozen=True)

@@ -219,7 +219,7 @@ def test_merging_buses_changes_nothing_at_copperplate(name: str) -> None:
 
 def test_a_merged_bus_is_the_one_its_devices_stand_at() -> None:
     case = load_case("ieee33")
-    microgrid = Microgrid.of(case, "copperplate")
+    microgrid = Microgrid.build(case, "copperplate")
     assert microgrid.network.bus_names == ("1", "2", "19", "23", "26")
     assert microgrid.network.bus_names[microgrid.bus_of[case.network.bus("18")]] == "2"
     assert microgrid.network.bus_names[microgrid.bus_of[case.network.bus("33")]] == "26"

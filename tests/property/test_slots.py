@@ -119,7 +119,7 @@ def test_economic_recourse_is_the_optimum_of_every_slot(case: Case, seed: int) -
     """HiGHS finds nothing cheaper in any mode; where an order was not followed, or power
     was spilled, no dispatch at all could have followed it.
     """
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     step: Step = simulator.step(*seen.all)
     assert_sound(simulator, seen, step)
@@ -143,12 +143,12 @@ def test_the_network_step_agrees_where_the_network_does_not_matter(case: Case, s
     """At copperplate, and at lindistflow with wires so short that no voltage moves; two grids would
     hold two voltages alike, between which active power alone does not flow.
     """
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     step = simulator.step(*seen.all)
     agree(step, NetworkSimulator(simulator.microgrid, 1.0).step(*seen.all))
     if len(case.grid) < 2 and len(case.network.line_names) < len(case.network.bus_names):
-        wired = NetworkSimulator(Microgrid.of(case, "lindistflow"), 1.0)
+        wired = NetworkSimulator(Microgrid.build(case, "lindistflow"), 1.0)
         other = scene(wired, MEMBERS, np.random.default_rng(seed))
         np.testing.assert_array_equal(seen.energy, other.energy)
         found = wired.step(*other.all)
@@ -170,7 +170,7 @@ def agree(step: Step, other: Step) -> None:
 @quick
 @given(cases(), st.integers(0, 2**16))
 def test_the_papers_recourse_conserves_energy_too(case: Case, seed: int) -> None:
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0, "paper")
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0, "paper")
     seen = scene(simulator, 50, np.random.default_rng(seed))
     assert_sound(simulator, seen, simulator.step(*seen.all))
 
@@ -178,7 +178,7 @@ def test_the_papers_recourse_conserves_energy_too(case: Case, seed: int) -> None
 @quick
 @given(cases(), st.integers(0, 2**16))
 def test_a_member_does_not_see_the_others(case: Case, seed: int) -> None:
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
     seen = scene(simulator, MEMBERS, np.random.default_rng(seed))
     whole = simulator.step(*seen.all)
     for k in range(MEMBERS):

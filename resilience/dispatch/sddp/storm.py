@@ -38,7 +38,7 @@ class Fleet:
     @classmethod
     def of(cls, case: Case) -> Fleet:
         """The fleet of a case, over one slot: profiles come from elsewhere."""
-        at = Microgrid.of(case, "copperplate").bus_index(case.ess)
+        at = Microgrid.build(case, "copperplate").bus_index(case.ess)
         alike = [_alike(unit, int(bus)) for unit, bus in zip(case.ess, at, strict=True)]
         kinds = list(dict.fromkeys(alike))
         member = np.array([kinds.index(kind) for kind in alike], np.intp)
@@ -49,7 +49,7 @@ class Fleet:
             for k in range(len(kinds))
         )
         whole = case.replace(ess=merged, outages=())
-        return cls(Microgrid.of(whole, "copperplate"), member, size / total[member])
+        return cls(Microgrid.build(whole, "copperplate"), member, size / total[member])
 
     @property
     def n(self) -> int:

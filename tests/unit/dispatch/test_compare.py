@@ -56,7 +56,7 @@ def tiny(**more: Any) -> World:
     )
     down = np.zeros((1, 4, 2), bool)
     down[0, 2:, 1] = True
-    return World.build(Microgrid.of(case, "copperplate"), rs.Scenarios(("1-2",), down, LIKELY))
+    return World.build(Microgrid.build(case, "copperplate"), rs.Scenarios(("1-2",), down, LIKELY))
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +144,9 @@ def day() -> World:
     """One day, two storms."""
     case = held_out(rs.load_case("ieee33-tou"), 1)
     return World.build(
-        Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 2, 5), end_value_per_mwh=0.12
+        Microgrid.build(case, "copperplate"),
+        sample_bell(case, Bell(), 2, 5),
+        end_value_per_mwh=0.12,
     )
 
 
@@ -153,14 +155,16 @@ def short() -> World:
     """Two days, three storms each."""
     case = held_out(rs.load_case("ieee33-tou"), 2)
     return World.build(
-        Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5), end_value_per_mwh=0.12
+        Microgrid.build(case, "copperplate"),
+        sample_bell(case, Bell(), 3, 5),
+        end_value_per_mwh=0.12,
     )
 
 
 def test_days_begin_at_midnight_wherever_the_horizon_does(short: World) -> None:
     case = short.microgrid.case.replace(start=short.microgrid.case.start.replace(hour=18), slots=96)
     bell = Bell(centres=(90, 10))
-    world = World.build(Microgrid.of(case, "copperplate"), sample_bell(case, bell, 4, 1))
+    world = World.build(Microgrid.build(case, "copperplate"), sample_bell(case, bell, 4, 1))
     assert np.flatnonzero(np.diff(world.day)).tolist() == [23]
     assert world.scenarios.centre is not None
     np.testing.assert_array_equal(world.centre(23), world.scenarios.centre[0])
@@ -191,7 +195,7 @@ def test_a_reset_run_is_its_days_alone_and_says_so(short: World) -> None:
         down = storms.down[:, 96 * day : 96 * (day + 1)]
         assert storms.centre is not None
         mine = rs.Scenarios(storms.lines, down, storms.probability, storms.centre[[day]])
-        world = World.build(Microgrid.of(alone, "copperplate"), mine, end_value_per_mwh=0.12)
+        world = World.build(Microgrid.build(alone, "copperplate"), mine, end_value_per_mwh=0.12)
         bounds += clairvoyant(world).objective
         costs += simulate(world, DISPATCHERS["rule"](world)).objective(0.12)
     np.testing.assert_allclose(found.bound, bounds, rtol=1e-9)
@@ -327,17 +331,17 @@ def test_one_physics_for_everybody() -> None:
     storms = rs.Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
     through = 0.19 / 0.3
     lack = 2.0 * (1.0 - through)
-    found = rs.evaluate(World.build(Microgrid.of(case, "lindistflow"), storms), ["idle"])
+    found = rs.evaluate(World.build(Microgrid.build(case, "lindistflow"), storms), ["idle"])
     assert found.summary()["physics"] == "lindistflow"
     assert found.objective["idle"] == pytest.approx([2.0 * through + 9.0 * lack], rel=1e-6)
     assert found.bound == pytest.approx([2.0 * through + 9.0 * (lack - 0.55)], rel=1e-6)
     assert found.objective["clairvoyant"] == pytest.approx(found.bound, rel=1e-6)
-    free = rs.evaluate(World.build(Microgrid.of(case, "copperplate"), storms), ["idle"])
+    free = rs.evaluate(World.build(Microgrid.build(case, "copperplate"), storms), ["idle"])
     assert free.objective["idle"] == pytest.approx([2.0])
 
 
 def test_nobody_beats_the_bound_on_the_network(day: World) -> None:
-    microgrid = Microgrid.of(day.microgrid.case.replace(slots=24), "lindistflow")
+    microgrid = Microgrid.build(day.microgrid.case.replace(slots=24), "lindistflow")
     storms = sample_bell(microgrid.case, Bell(centres=(8, 12), height=0.3), 2, 7)
     found = rs.evaluate(World.build(microgrid, storms, end_value_per_mwh=0.12), ["rule", "greedy"])
     for cost in found.objective.values():

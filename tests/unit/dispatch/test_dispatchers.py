@@ -32,7 +32,9 @@ QUICK = sorted(set(DISPATCHERS) - {"sddp"})  # which trains first: its own tests
 def world() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
     return World.build(
-        Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5), end_value_per_mwh=VALUE
+        Microgrid.build(case, "copperplate"),
+        sample_bell(case, Bell(), 3, 5),
+        end_value_per_mwh=VALUE,
     )
 
 
@@ -68,7 +70,7 @@ def test_the_bound_is_reached_by_its_own_decisions(world: World) -> None:
 def test_the_rule_reaches_its_level_and_holds_it() -> None:
     calm = held_out(rs.load_case("ieee33"), 1)
     none = Scenarios(("1-2",), np.zeros((1, calm.slots, 1), bool), np.ones(1))
-    world = World.build(Microgrid.of(calm, "copperplate"), none)
+    world = World.build(Microgrid.build(calm, "copperplate"), none)
     run = simulate(world, Rule(world, 0.9))
     size = np.array([unit.e_mwh for unit in calm.ess])
     np.testing.assert_allclose(run.energy[:, 16:, 0] / size[:, None], 0.9, atol=1e-9)
@@ -84,7 +86,7 @@ def test_greedy_serves_the_net_demand_of_its_island() -> None:
         profiles={"sun": [0.0, 1.0]},
     )
     none = Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
-    world = World.build(Microgrid.of(case, "copperplate"), none)
+    world = World.build(Microgrid.build(case, "copperplate"), none)
     run = simulate(world, Greedy(world))
     assert run.storage[:, 0, 0] == pytest.approx([0.5, 0.5])
     assert run.storage[:, 1, 0] == pytest.approx([-0.3, -0.3])
@@ -95,7 +97,7 @@ def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
     """MPC that sees everything, and is right about the lines, is the deterministic plan."""
     case = rs.load_case("ieee33").replace(slots=12, outages=())
     none = Scenarios(("1-2",), np.zeros((1, 12, 1), bool), np.ones(1))
-    world = World.build(Microgrid.of(case, "copperplate"), none)
+    world = World.build(Microgrid.build(case, "copperplate"), none)
     plan = rs.solve(case, "lp", physics="copperplate")
     mpc = BlindMPC(world, slots=12, value_per_mwh=case.terminal_value_per_mwh)
     seen = Observation(

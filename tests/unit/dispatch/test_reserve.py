@@ -36,7 +36,7 @@ def chain(extra: tuple[tuple[int, int, float, float], ...] = (), **head: object)
 
 def reserve(case: Case) -> Reserve:
     names = [n for n, b in zip(case.network.line_names, case.network.breakpoint, strict=True) if b]
-    return Reserve(Microgrid.of(case, "copperplate"), tuple(names))
+    return Reserve(Microgrid.build(case, "copperplate"), tuple(names))
 
 
 def test_a_bus_is_cut_off_by_every_line_on_its_way_to_the_grid() -> None:

@@ -59,7 +59,7 @@ def test_without_a_storage_there_is_nothing_to_look_ahead_for(method: str) -> No
     case = feeder().replace(ess=())
     drawn = sample_bell(case, Bell(), 1, 0)
     with pytest.raises(rs.UsageError, match="has no storage; allowed: a case with"):
-        DISPATCHERS[method](World.build(Microgrid.of(case, "copperplate"), drawn))
+        DISPATCHERS[method](World.build(Microgrid.build(case, "copperplate"), drawn))
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_a_tree_of_slots_and_blocks() -> None:
 @pytest.fixture(scope="module")
 def world() -> World:
     case = rs.load_case("ieee33-tou").replace(outages=())
-    return World.build(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
+    return World.build(Microgrid.build(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
 
 
 def seen(world: World, t: int) -> Observation:
@@ -167,7 +167,7 @@ def test_devices_joined_dispatch_alike(world: World) -> None:
     small_one = merged_grid(case)
     assert len(small_one.microgrid.case.load) == 4
     assert len(small_one.microgrid.case.generator) == 4
-    whole = type(small_one)(Microgrid.of(case, "copperplate"), {})
+    whole = type(small_one)(Microgrid.build(case, "copperplate"), {})
     programs = [WindowProgram(which, steps, 2) for which in (small_one, whole)]
     rng = np.random.default_rng(3)
     for t in range(0, 96, 7):
@@ -209,7 +209,7 @@ def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> 
     case = rs.load_case("ieee33-tou").replace(outages=())
     noon = case.replace(start=case.start.replace(hour=12))
     none = Scenarios(("1-2",), np.zeros((1, 96, 1), bool), np.ones(1))
-    memory = Memory(World.build(Microgrid.of(noon, "copperplate"), none))
+    memory = Memory(World.build(Microgrid.build(noon, "copperplate"), none))
     assert [memory.clock(t) for t in (0, 47, 48)] == [48, 95, 0]
     assert [memory.day(t) for t in (0, 47, 48)] == [0, 0, 1]
 

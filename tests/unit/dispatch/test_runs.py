@@ -39,7 +39,7 @@ def world() -> World:
     storms = sample_bell(case, Bell(centres=(8, 12), height=0.3), 4, 7)
     outlook = sample_outlook(case, ForecastError(), 4, 11)
     return World.build(
-        Microgrid.of(case, "copperplate"), storms, end_value_per_mwh=0.1, outlook=outlook
+        Microgrid.build(case, "copperplate"), storms, end_value_per_mwh=0.1, outlook=outlook
     )
 
 
@@ -185,7 +185,7 @@ def test_a_part_is_called_after_all_that_it_depends_on(world: World, tmp_path: P
         replace(world, outlook=None),
         replace(world, scenarios=replace(world.scenarios, down=~world.scenarios.down)),
         world.with_scenarios(np.array([0])),
-        World.build(Microgrid.of(dearer, "copperplate"), world.scenarios),
+        World.build(Microgrid.build(dearer, "copperplate"), world.scenarios),
     ]
     names = [store.part_file("rule", w, rule) for w in changed]
     names += [store.part_file("idle", world, Idle), store.part_file("rule", world, Drawn)]
@@ -224,6 +224,6 @@ def test_a_case_without_storage_has_a_bound() -> None:
         grid=[{"import_max_mw": 0.6, "import_cost_per_mwh": 1.0}],
     )
     storms = rs.Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
-    found = rs.evaluate(World.build(Microgrid.of(case, "copperplate"), storms), ["idle"])
+    found = rs.evaluate(World.build(Microgrid.build(case, "copperplate"), storms), ["idle"])
     assert found.bound == pytest.approx([2 * (0.6 + 0.4 * 5.0)])
     assert found.objective["idle"] == pytest.approx(found.bound)

@@ -59,7 +59,7 @@ def village(breakpoint_: bool = True) -> Case:
 def calm(case: Case) -> World:
     lines = ("1-2",)
     none = Scenarios(lines, np.zeros((1, case.slots, 1), bool), np.ones(1))
-    return World.build(Microgrid.of(case, "copperplate"), none)
+    return World.build(Microgrid.build(case, "copperplate"), none)
 
 
 @pytest.mark.parametrize("paths", [0, 6])
@@ -80,7 +80,7 @@ def test_where_the_storm_is_markov_the_bound_is_met() -> None:
     bound of the training."""
     case = village()
     bell = Bell(duration_slots=(1, 1), refail=True, centres=(60,), probability=0.95)
-    world = World.build(Microgrid.of(case, "copperplate"), sample_bell(case, bell, 400, 3))
+    world = World.build(Microgrid.build(case, "copperplate"), sample_bell(case, bell, 400, 3))
     settings = Settings(iterations=80, patience=80, paths=2)
     book = Book(case, bell, outcomes=1, settings=settings, cache=False)
     dispatcher = Sddp(world, book, paths=0)
@@ -117,7 +117,7 @@ def test_units_that_start_apart_stay_apart() -> None:
 def storms() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
     return World.build(
-        Microgrid.of(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5)
+        Microgrid.build(case, "copperplate"), sample_bell(case, Bell(centres=(56,)), 2, 5)
     )
 
 

@@ -26,7 +26,7 @@ CASE = "ieee33_rammasun"
 @pytest.fixture(scope="module")
 def world() -> World:
     case = held_out(rs.load_case(CASE))
-    return World.build(Microgrid.of(case, "copperplate"), sample_case(case, 2, 5))
+    return World.build(Microgrid.build(case, "copperplate"), sample_case(case, 2, 5))
 
 
 def test_nobody_beats_the_bound_in_a_storm() -> None:
@@ -57,7 +57,7 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
     calm[:, at:] = calm[:, at - 1 : at]
     assert (calm != storm.down).any()
     other = Scenarios(storm.lines, calm, storm.probability)
-    microgrid = Microgrid.of(case, "copperplate")
+    microgrid = Microgrid.build(case, "copperplate")
     one, two = (
         simulate(w, DISPATCHERS[name](w))
         for w in (World.build(microgrid, storm), World.build(microgrid, other))

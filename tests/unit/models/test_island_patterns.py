@@ -42,7 +42,7 @@ def test_a_pattern_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         Islands, "_search", lambda self, up: (searched.append(up.shape[1]), search(self, up))[1]
     )
-    microgrid = Microgrid.of(rs.load_case("ieee33"), "copperplate")
+    microgrid = Microgrid.build(rs.load_case("ieee33"), "copperplate")
     names = microgrid.case.network.line_names
     rng = np.random.default_rng(0)
     for _ in range(20):

@@ -134,6 +134,6 @@ def test_it_needs_the_case_and_its_whole_network(ac: Plan) -> None:
     with pytest.raises(UsageError, match="without its case"):
         ac_check_plan(replace(ac, case=None))
     case = load_case("ieee33")
-    merged = Microgrid.of(case, "copperplate").situation(status(case))
+    merged = Microgrid.build(case, "copperplate").situation(status(case))
     with pytest.raises(UsageError, match="the situation has 5 buses, the case 33"):
         roots(case, merged)

@@ -29,7 +29,7 @@ ONE = np.ones(1)
 @pytest.fixture(scope="module")
 def world() -> World:
     case = held_out(rs.load_case("ieee33-tou"), 1)
-    return World.build(Microgrid.of(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
+    return World.build(Microgrid.build(case, "copperplate"), sample_bell(case, Bell(), 3, 5))
 
 
 def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
@@ -94,7 +94,7 @@ def line(r: float, **more: Any) -> World:
     down = np.zeros((1, 2, 2), bool)
     down[0, 1, 1] = True
     return World.build(
-        Microgrid.of(case, "copperplate"), rs.Scenarios(("1-2",), down, np.array([0.5, 0.5]))
+        Microgrid.build(case, "copperplate"), rs.Scenarios(("1-2",), down, np.array([0.5, 0.5]))
     )
 
 

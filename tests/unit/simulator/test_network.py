@@ -26,7 +26,7 @@ def two_buses(r: float = 0.1, rating: float | None = None, **devices: Any) -> Ca
 
 
 def stepped(case: Case, physics: Physics, *action: float) -> dict[str, Any]:
-    simulator = NetworkSimulator(Microgrid.of(case, physics), 1.0)
+    simulator = NetworkSimulator(Microgrid.build(case, physics), 1.0)
     n = len(action)
     lines = len(case.network.line_names)
     situation = simulator.microgrid.situation(np.ones((lines, n), bool), lambda _: np.ones(n))
@@ -71,13 +71,13 @@ def test_a_rating_binds_at_copperplate() -> None:
     found = stepped(two_buses(rating=1.0), "copperplate", 0.0, 0.5)
     assert found["load.shed[load1]"] == pytest.approx([0.5, 1.0], abs=1e-6)
     with pytest.raises(rs.UsageError, match="line ratings"):
-        Simulator(Microgrid.of(two_buses(rating=1.0), "copperplate"), 1.0)
+        Simulator(Microgrid.build(two_buses(rating=1.0), "copperplate"), 1.0)
 
 
 def test_ieee33_on_its_feeder_sheds_no_less_than_on_a_copper_plate() -> None:
     case = rs.load_case("ieee33")
-    wired = NetworkSimulator(Microgrid.of(case, "lindistflow"), 0.25)
-    plate = Simulator(Microgrid.of(case, "copperplate"), 0.25)
+    wired = NetworkSimulator(Microgrid.build(case, "lindistflow"), 0.25)
+    plate = Simulator(Microgrid.build(case, "copperplate"), 0.25)
     assert wired.columns == plate.columns
     assert wired.units == plate.units
     ours = scene(wired, 12, np.random.default_rng(5))
@@ -91,17 +91,17 @@ def test_ieee33_on_its_feeder_sheds_no_less_than_on_a_copper_plate() -> None:
 
 def test_what_the_network_step_cannot_hold_is_refused() -> None:
     with pytest.raises(rs.UsageError, match="not distflow"):
-        NetworkSimulator(Microgrid.of(rs.load_case("ieee33"), "distflow"), 0.25)
+        NetworkSimulator(Microgrid.build(rs.load_case("ieee33"), "distflow"), 0.25)
     with pytest.raises(rs.UsageError, match=r"load\.on") as refused:
         NetworkSimulator(
-            Microgrid.of(two_buses(load=[{**LOAD, "block": True}]), "lindistflow"), 1.0
+            Microgrid.build(two_buses(load=[{**LOAD, "block": True}]), "lindistflow"), 1.0
         )
     assert "blocks" in refused.value.hint
 
 
 def test_gradients_need_the_other_simulator() -> None:
     torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
-    simulator = NetworkSimulator(Microgrid.of(two_buses(), "copperplate"), 1.0)
+    simulator = NetworkSimulator(Microgrid.build(two_buses(), "copperplate"), 1.0)
     energy = torch.full((1, 1), 2.0)
     with pytest.raises(rs.UsageError, match="NumPy"):
         simulator.step(energy, energy, energy, energy)

@@ -19,7 +19,7 @@ GRID = {"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}
 
 def stepped(case: Case, action: Any, *up: list[bool]) -> tuple[Simulator, Step]:
     """One hour with storage half full; a row of `up` per line, a column per member."""
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
     asked = np.array(action)
     status = np.array(up, bool).reshape(len(up), asked.shape[1])
     situation = simulator.microgrid.situation(status, lambda _: np.ones(asked.shape[1]))

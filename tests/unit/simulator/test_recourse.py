@@ -17,7 +17,7 @@ from tests.stepping import assert_sound, scene
 
 def one(case: Case, recourse: RecourseRule, *action: float, up: bool = True) -> dict[str, Any]:
     """One step of one member with storage half full, by name."""
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0, recourse)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0, recourse)
     lines = len(case.network.line_names)
     situation = simulator.microgrid.situation(np.full((lines, 1), up), lambda _: np.ones(1))
     data = simulator.stacked(simulator.microgrid.data(situation))
@@ -126,7 +126,7 @@ def test_the_paper_does_not_know_blocks() -> None:
     load = {"p_max_mw": 1.0, "shed_cost_per_mwh": 2.0, "block": True}
     case = small_case(load=[load], generator=[{"p_max_mw": 1.0}])
     with pytest.raises(rs.UsageError, match="load1 can only be shed whole"):
-        Simulator(Microgrid.of(case, "copperplate"), 1.0, "paper")
+        Simulator(Microgrid.build(case, "copperplate"), 1.0, "paper")
 
 
 def blocks(generator: float, *sizes: tuple[float, float], loose: float = 0.0) -> Case:
@@ -173,7 +173,7 @@ def test_an_overshoot_cuts_discharging_back_and_steps_say_that_blocks_are_heuris
     assert found["load.shed[load1]"] == pytest.approx(1.5)
     assert found["ess1"] == pytest.approx(0.0)
     assert found["spill"] == 0.0
-    simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
     assert simulator.heuristic == ("load.shed[load1]",)
 
 
@@ -184,7 +184,7 @@ def test_blocks_keep_the_balance_and_are_never_better_than_the_optimum() -> None
         sizes = [(float(rng.uniform(0.2, 1.0)), float(rng.uniform(2, 9))) for _ in range(4)]
         case = blocks(float(rng.uniform(0.5, 2.5)), *sizes, loose=0.4)
         case = case.replace(ess=[])
-        simulator = Simulator(Microgrid.of(case, "copperplate"), 1.0)
+        simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
         seen = scene(simulator, 1, rng)
         step = simulator.step(*seen.all)
         assert_sound(simulator, seen, step)

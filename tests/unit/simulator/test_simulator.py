@@ -22,7 +22,7 @@ from tests.stepping import assert_sound, scene
 
 @pytest.fixture(scope="module")
 def microgrid() -> Microgrid:
-    return Microgrid.of(rs.load_case("ieee33"), "copperplate")
+    return Microgrid.build(rs.load_case("ieee33"), "copperplate")
 
 
 @pytest.fixture(scope="module")
@@ -180,12 +180,12 @@ def test_a_plan_stepped_has_its_cost_and_its_states(microgrid: Microgrid) -> Non
 
 def test_what_a_step_cannot_hold_is_refused_all_at_once() -> None:
     with pytest.raises(rs.UsageError, match=r"generator\.on.*generator\.up_left") as refused:
-        Simulator(Microgrid.of(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
+        Simulator(Microgrid.build(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
     assert refused.value.hint == (
         "it steps cases without commitment, ramps, cost curves, switchable lines and line ratings"
     )
     with pytest.raises(rs.UsageError, match="steps copperplate physics, not lindistflow"):
-        Simulator(Microgrid.of(rs.load_case("ieee33"), "lindistflow"), 0.25)
+        Simulator(Microgrid.build(rs.load_case("ieee33"), "lindistflow"), 0.25)
 
 
 @pytest.mark.parametrize(
@@ -208,7 +208,7 @@ def test_each_thing_that_a_step_cannot_hold(
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
     )
     with pytest.raises(rs.UsageError, match=named):
-        Simulator(Microgrid.of(case, "copperplate"), 1.0)
+        Simulator(Microgrid.build(case, "copperplate"), 1.0)
 
 
 def test_an_unknown_recourse_is_refused(microgrid: Microgrid) -> None:
