@@ -7,9 +7,10 @@ four hours. The wires carry the 1.5 MW that the grid lacks, so nothing is shed.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,24 +60,31 @@ def _registered() -> Iterator[None]:
     unregister_device("pump")
 
 
-def windy(**more: list[dict[str, object]]) -> Case:
+def windy(**more: Sequence[Mapping[str, Any]]) -> Case:
+    devices: dict[str, Any] = {
+        "load": [LOAD],
+        "grid": [GRID],
+        "turbine": [{"bus": "3", "p_max_mw": 5.0, "profile": "wind"}],
+        **more,
+    }
     return small_case(
         slots=4,
         buses=3,
         lines=[(1, 2, 0.002, 0.002), (2, 3, 0.002, 0.002)],
         profiles={"wind": [1.0, 0.8, 0.9, 1.0]},
-        **{
-            "load": [LOAD],
-            "grid": [GRID],
-            "turbine": [{"bus": "3", "p_max_mw": 5.0, "profile": "wind"}],
-            **more,
-        },
+        **devices,
     )
+
+
+def planned(case: Case, method: str) -> rs.Plan:
+    plan = rs.solve(case, method=method)
+    assert isinstance(plan, rs.Plan)
+    return plan
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_what_it_can_serve_is_not_shed(method: str) -> None:
-    plan = rs.solve(windy(), method=method)
+    plan = planned(windy(), method)
     energy = plan.energy_mwh
     assert plan.shed_mwh == pytest.approx(0.0, abs=1e-5)
     assert plan.objective == pytest.approx(0.0, abs=1e-3)
@@ -88,7 +96,7 @@ def test_what_it_can_serve_is_not_shed(method: str) -> None:
 
 
 def test_it_stands_in_the_tables_of_a_plan_and_in_its_files(tmp_path: Path) -> None:
-    plan = rs.solve(windy(), method="lp")
+    plan = planned(windy(), "lp")
     assert plan.tables["power"]["turbine1"].sum() == pytest.approx(plan.energy_mwh["turbine"])
     offered = plan.tables["turbine_available"]["turbine1"]
     np.testing.assert_allclose(offered, [5.0, 4.0, 4.5, 5.0])
@@ -104,7 +112,7 @@ def test_the_reports_name_it(capsys: pytest.CaptureFixture[str]) -> None:
     from resilience.text.plan import print_case, print_plan
 
     console = Console(width=120)
-    print_plan(rs.solve(windy(), method="lp"), console)
+    print_plan(planned(windy(), "lp"), console)
     print_case(windy(), console)
     printed = capsys.readouterr().out
     assert "wind curtailed" in printed
@@ -112,23 +120,23 @@ def test_the_reports_name_it(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_it_is_drawn_in_a_colour_of_its_own() -> None:
-    figure = rs.plot_plan(rs.solve(windy(), method="lp"))
+    figure = rs.plot_plan(planned(windy(), "lp"))
     areas = figure.axes[0].collections
-    colour_of = {str(area.get_label()): to_hex(area.get_facecolor()[0]) for area in areas}
+    colour_of = {str(a.get_label()): to_hex(np.asarray(a.get_facecolor())[0]) for a in areas}
     named = [colour for label, colour in colour_of.items() if not label.startswith("_")]
     assert colour_of["wind"] == turbine.Turbines.colour
     assert named.count(colour_of["wind"]) == 1
 
 
 def test_the_wires_can_carry_it() -> None:
-    checked = ac_check_plan(rs.solve(windy(), method="minlp"))
+    checked = ac_check_plan(planned(windy(), "minlp"))
     assert checked.ok
     assert checked.loss_mwh > 0.0
 
 
 def test_it_can_carry_an_island_alone() -> None:
     forming = {"bus": "3", "p_max_mw": 5.0, "grid_forming": True}
-    plan = rs.solve(windy(turbine=[forming], grid=[]), method="lp")
+    plan = planned(windy(turbine=[forming], grid=[]), "lp")
     assert plan.shed_mwh == pytest.approx(0.0, abs=1e-6)
     checked = ac_check_plan(plan)
     assert not checked.not_converged
@@ -172,6 +180,7 @@ def test_a_plan_over_scenarios_has_it(tmp_path: Path) -> None:
     down[0, 2:, 1] = True
     Scenarios(("1-2",), down, np.full(2, 0.5)).save(tmp_path / "storms.csv")
     plan = rs.solve(windy(), method="stochastic", outages=tmp_path / "storms.csv")
+    assert isinstance(plan, rs.ScenarioPlan)
     assert plan.expected_shed_mwh == pytest.approx(0.5 * 2 * 1.5, abs=1e-6)
     assert "turbine1" in plan.tables["power"].labels
     assert rs.plot_scenario_plan(plan) is not None
@@ -223,7 +232,7 @@ def reference_hook() -> ModuleType:
 @pytest.mark.parametrize("method", ["lp", "minlp"])
 def test_a_new_load_is_served_or_shed_like_any_other(method: str) -> None:
     pumps = [{"bus": "2", "p_max_mw": 4.0, "shed_cost_per_mwh": 5.0}]
-    plan = rs.solve(windy(pump=pumps), method=method)
+    plan = planned(windy(pump=pumps), method)
     assert plan.energy_mwh["demand"] == pytest.approx(24.0)
     assert plan.shed_by_load.keys() == {"pump1"}
     assert plan.shed_by_load["pump1"].keys() == {"price"}
