@@ -174,11 +174,9 @@ class WindowProgram:
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
         path = np.full(self.standard.n_columns, -1)
-        for form, table, nodes in zip(
-            self.standard.forms, self.standard.tables, self.standard.members, strict=True
-        ):
-            path_of_node = np.where(nodes > 0, self.path_of[nodes], -1)
-            path[table[:, form.n_now :]] = path_of_node[:, None]
+        for stage in self.standard.copies:
+            path_of_node = np.where(stage.nodes > 0, self.path_of[stage.nodes], -1)
+            path[stage.own_columns] = path_of_node[:, None]
         return path
 
     def data(self, request: WindowRequest) -> dict[str, Floats]:

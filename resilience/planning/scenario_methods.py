@@ -145,7 +145,7 @@ def _algorithm(program: ScenarioProgram, request: str | None) -> str:
             f"algorithm {request!r} is unknown; allowed: {', '.join(ALGORITHMS)}",
             hint="leave it out: the number of scenarios decides",
         )
-    columns = two_stage.tree.n * two_stage.first.forms[0].n_own
+    columns = two_stage.tree.n * two_stage.first.form.n_own
     few = program.distinct.n < MAX_SCENARIOS_EXTENSIVE
     is_small = few and (columns <= MAX_COLUMNS_EXTENSIVE or bool(two_stage.first.integer.any()))
     return request or ("extensive" if is_small else "lshaped")

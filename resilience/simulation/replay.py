@@ -20,7 +20,7 @@ from typing import Protocol, cast
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels
@@ -106,20 +106,20 @@ def replay(plan: Decided) -> Replayed:
 
 def variables(standard: Standard) -> Labels:
     """`ess.charge[ess1]`, ...: every variable of a slot, in the order of `per_slot`."""
-    return tuple(f"{b.name}[{label}]" for b in standard.forms[0].own for label in b.labels)
+    return tuple(f"{b.name}[{label}]" for b in standard.form.own_blocks for label in b.labels)
 
 
 def per_slot(standard: Standard, z: Floats) -> Floats:
     """(variables, slots) the values of a horizon's columns."""
-    return z[standard.tables[0][:, standard.forms[0].n_now :]].T
+    return z[standard.copies[0].own_columns].T
 
 
 def redo(program: CaseProgram, decisions: Floats) -> Replayed:
     """Fixes the decisions (variables, slots) of a horizon and works out what follows."""
-    free = unroll([program.standard.forms[0].stage], program.standard.tree)  # no terminal value
-    form, table = free.forms[0], free.tables[0]
-    data = free.data_matrix(program.data, form, free.members[0])
-    rhs = form.rhs[:, None] + form.rhs_data @ data
+    free = unroll([program.standard.form.stage], program.standard.tree)  # no terminal value
+    (stage,) = free.copies
+    form, table = stage.form, stage.columns
+    _, _, rhs, _ = form.numbers(free.stacked_data(program.data, stage))
     with_states = _StateUpdate(form)
     z = np.zeros(free.n_columns)
     for name, columns in free.initial.items():
@@ -150,7 +150,7 @@ class _StateUpdate:
     def __init__(self, form: Form) -> None:
         blocks = [after for _, after in form.stage.states]
         none = np.empty(0, np.intp)
-        self.states: Ints = np.concatenate([none, *(form.position[b.slice] for b in blocks)])
+        self.states: Ints = np.concatenate([none, *(form.columns(b) for b in blocks)])
         a = form.a.tocsr()
         rows = np.array([self._row(a, form.equality, k) for k in range(len(self.states))], np.intp)
         tied = np.flatnonzero(rows >= 0)
@@ -163,7 +163,7 @@ class _StateUpdate:
             if isinstance(s, Largest)
         ]
 
-    def _row(self, a: sp.csr_array, equality: Floats, k: int) -> int:
+    def _row(self, a: sp.csr_array, equality: Bools, k: int) -> int:
         """The equality row that ties state k to its past, or sets it alone; -1 if there is none."""
         rows = np.flatnonzero(equality & (a[:, [self.states[k]]].toarray().ravel() != 0.0))
         coefficients = a[rows].tocsc()

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Bools, Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.dispatch.sddp.training import Settings, Trained
@@ -35,7 +35,7 @@ def digest(multistage: Multistage, more: Iterable[Floats], settings: Settings) -
     """Of all that cuts depend on; `more` are arrays that say where paths begin."""
     found = hashlib.sha256(f"{VERSION} {settings}".encode())
 
-    def take(name: str, value: Floats) -> None:
+    def take(name: str, value: Floats | Bools) -> None:
         array = np.ascontiguousarray(value, float)
         found.update(f"{name} {array.shape}".encode())
         found.update(array.tobytes())
@@ -44,8 +44,8 @@ def digest(multistage: Multistage, more: Iterable[Floats], settings: Settings) -
         program = StageProgram(stage)
         take("matrix", program.standard.a.toarray())
         take("equality", program.equality)
-        take("fixed", program.form.fixed)
-        take("moving", program.form.moving.toarray())
+        take("fixed", program.form.constants)
+        take("moving", program.form.slopes.toarray())
         take("offset", np.append(program.form.offset, program.form.offset_data))
     for modes, transition in zip(multistage.outcomes, multistage.transition, strict=True):
         take("transition", transition)

@@ -44,7 +44,7 @@ class StageProgram:
         self.standard = unroll([stage], Tree.chain(["now"]))
         if self.standard.integer.any():
             raise ValueError("a stage with integers has no cuts; relax it first")
-        self.form = self.standard.forms[0]
+        self.form = self.standard.form
         self.n_now, whole = self.standard.n_states, self.standard.a.toarray()
         # Behind the present states stands the future cost of the one leaf, which `Blocks` has too.
         self._own = np.arange(self.n_now + 1, self.standard.n_columns)
@@ -59,10 +59,12 @@ class StageProgram:
     def _parallel(self, own: Floats, after: Ints) -> tuple[Ints, Ints]:
         """(own,) group of every column, and the first column of every group."""
         form = self.form
-        prices = slice(int(form.parts[2]) + form.n_now, None)
+        prices = slice(int(form.ends[-1]) + form.n_now, None)
         alone = np.zeros(own.shape[1])
         alone[after] = 1.0 + np.arange(len(after))
-        facts = np.column_stack([own.T, form.fixed[prices], form.moving[prices].toarray(), alone])
+        facts = np.column_stack(
+            [own.T, form.constants[prices], form.slopes[prices].toarray(), alone]
+        )
         _, first, group = np.unique(facts, axis=0, return_index=True, return_inverse=True)
         return group.ravel().astype(np.intp), first.astype(np.intp)
 
@@ -81,10 +83,10 @@ class StageProgram:
         stacked = np.empty((form.n_data, *shape))
         for block in form.stage.datums:
             stacked[block.slice] = outcomes.data[block.name]
-        moved = form.moving @ stacked.reshape(form.n_data, shape[0] * shape[1])
+        moved = form.slopes @ stacked.reshape(form.n_data, shape[0] * shape[1])
         values = np.moveaxis(moved.reshape(-1, *shape), 0, 1)
-        values[:, :, 0] += form.fixed
-        lower, upper, rhs, price = np.split(values, form.parts, axis=1)
+        values[:, :, 0] += form.constants
+        lower, upper, rhs, price = np.split(values, form.ends, axis=1)
         if price[:, :, 1:].any():
             raise ValueError("prices depend on a level; cuts would not be bounds")
         offset = np.tensordot(form.offset_data, stacked, 1)

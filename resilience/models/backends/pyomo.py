@@ -101,7 +101,7 @@ class Pyomo:
         self._kept = {i: j for j, i in enumerate(rows)}
         model.rhs = pyo.Param(range(len(self._kept)), mutable=True, initialize=0.0)
         self._constraints(pyo, v)
-        self._priced = self._price_able(v)
+        self._priced = self._priceable(v)
         model.price = pyo.Param(self._priced, mutable=True, initialize=0.0)
         model.offset = pyo.Param(mutable=True, initialize=0.0)
         spent = sum(model.price[i] * self._vars[i] for i in self._priced)
@@ -109,13 +109,14 @@ class Pyomo:
         if quadratic:
             self._quadratics(pyo)
 
-    def _price_able(self, v: Vectors) -> list[int]:
-        found = set(np.flatnonzero(v.cost).tolist())
-        for form, table in zip(self.standard.forms, self.standard.tables, strict=True):
-            for term in form.costs:
-                where = np.flatnonzero(np.diff(term.columns_data.indptr))
-                found |= set(table[:, where].ravel().tolist())
-        return sorted(found)
+    def _priceable(self, v: Vectors) -> list[int]:
+        """Columns that cost something now or may for other data."""
+        priced = set(np.flatnonzero(v.cost).tolist())
+        for stage in self.standard.copies:
+            for term in stage.form.costs:
+                with_data = np.flatnonzero(np.diff(term.columns_data.indptr))
+                priced |= set(stage.columns[:, with_data].ravel().tolist())
+        return sorted(priced)
 
     def _columns(self, pyo: Any) -> list[Any]:
         standard, model, slots = self.standard, self.model, list(self.standard.tree.labels)
@@ -132,7 +133,7 @@ class Pyomo:
             index = standard.columns(name)
             domain = pyo.Reals
             if standard.integer[index].any():
-                binary = standard.forms[0].block(name).kind == "binary"
+                binary = standard.form.block(name).kind == "binary"
                 domain = pyo.Binary if binary else pyo.Integers
             var = pyo.Var(list(standard.labels(name)), slots, domain=domain)
             model.add_component(_plain(name), var)

@@ -91,7 +91,7 @@ def conflict(program: CaseProgram, solver: Highs) -> list[str]:
     other, or else the balances and voltages that have to be missed.
     """
     standard = program.standard
-    physical = [row.name for row in standard.forms[0].stage.rows if row.name in PHYSICAL]
+    physical = [row.name for row in standard.form.stage.rows if row.name in PHYSICAL]
     rows = np.concatenate([standard.rows(name).ravel() for name in physical])
     return solver.conflict() or solver.missed(rows)
 

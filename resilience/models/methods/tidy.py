@@ -40,7 +40,7 @@ def with_least_circulation(program: CaseProgram, solution: Solution) -> Solution
 def _fixed_columns(standard: Standard, v: Vectors) -> Bools:
     """(columns,) what costs, is remembered, or cannot move anyway."""
     fixed: Bools = (v.cost != 0.0) | standard.integer | (v.lower >= v.upper)
-    for _, after in standard.forms[0].stage.states:
+    for _, after in standard.form.stage.states:
         fixed[standard.columns(after.name)] = True
     return fixed
 

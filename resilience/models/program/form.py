@@ -1,22 +1,41 @@
-"""A stage in numbers: what `unroll` copies to every node of its tree."""
+"""A stage in numbers: what `unroll` copies to every node of its tree.
+
+Columns are numbered with the states' present values first, the stage's own behind them. Everything
+that data d can change is one affine map,
+
+    numbers(d) = constants + slopes @ d,
+
+which holds, one behind the other, the lower bounds and the upper bounds of the own columns, the
+right-hand sides of the rows, and the prices of all columns. In one piece, because one product of a
+sparse matrix is what a controller pays for in every slot.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, stack
-from resilience.models.language.stage import Block, Stage
+from resilience.models.language.stage import Block, Cost, Stage
 from resilience.models.structures import Structure
 
 
 @dataclass(frozen=True)
 class CostForm:
-    """One cost term: coefficient of every column and an offset, each constant + data part."""
+    """One cost term, $ per node: prices of the columns and an offset, each a constant + data part.
+
+    Attributes:
+        name: of the term, as `load.shed`.
+        columns: (columns,) constant part of the prices.
+        columns_data: (columns, data) what each datum adds to them.
+        offset: constant part of what the term costs whatever the columns.
+        offset_data: (data,) what each datum adds to it.
+    """
 
     name: str
     columns: Floats
@@ -24,145 +43,245 @@ class CostForm:
     offset: float
     offset_data: Floats
 
+    def spent(self, z: Floats, data: Floats) -> Floats:
+        """(n,) $ of the term at points z (columns, n) for data (data, n)."""
+        prices = self.columns[:, None] + self.columns_data @ data
+        return (prices * z).sum(0) + self.offset + self.offset_data @ data
 
-@dataclass
+
+@dataclass(frozen=True)
 class Form:
-    """Columns are numbered with the states' present values first, the stage's own behind them."""
+    """See the module's docstring; made by `stage_form`.
+
+    Attributes:
+        stage: what it was made from.
+        n_now: number of columns that are states at the start of the step.
+        own_blocks: the variables that every node gets anew, in the order of their columns.
+        column_of_id: (ids,) column of each id of the stage's variables.
+        n_data: number of data.
+        a: (rows, columns) coefficients.
+        equality: (rows,) whether a row is an equation or a `<=`.
+        row_start: (named constraints + 1,) first row of each of the stage's constraints.
+        integer: (own columns,) whether a column is integer.
+        constants: (2 own columns + rows + columns,) numbers without data.
+        slopes: (as `constants`, data) what each datum adds to them.
+        ends: (3,) where lower bounds, upper bounds and right-hand sides end in `constants`.
+        offset: $ that a node costs whatever the columns, without data.
+        offset_data: (data,) $ that each datum adds to it.
+        costs: the cost terms one by one; their sum is in prices and offset.
+        penalty: (columns,) weights that close relaxed structures.
+        tiebreak: (columns,) weights of |x| by which equally good points are told apart.
+        structures: every structure with the coefficient matrix (n, columns) of each argument.
+    """
 
     stage: Stage
-    n_now: int = 0
-    position: Ints = field(default_factory=lambda: np.empty(0, np.intp))
-    own: list[Block] = field(default_factory=list)
+    n_now: int
+    own_blocks: tuple[Block, ...]
+    column_of_id: Ints
+    n_data: int
+    a: sp.coo_array
+    equality: Bools
+    row_start: Ints
+    integer: Bools
+    constants: Floats
+    slopes: sp.csr_array
+    ends: Ints
+    offset: float
+    offset_data: Floats
+    costs: tuple[CostForm, ...]
+    penalty: Floats
+    tiebreak: Floats
+    structures: tuple[tuple[Structure, tuple[sp.csr_array, ...]], ...]
 
-    def __post_init__(self) -> None:
-        blocks = self.stage.variables
-        width = blocks[-1].start + blocks[-1].n if blocks else 0
-        self.position = np.empty(width, np.intp)
-        self.own = [b for b in blocks if b.kind != "now"]
-        at = 0
-        for block in [before for before, _ in self.stage.states] + self.own:
-            self.position[block.slice] = np.arange(at, at + block.n)
-            at += block.n
-        self.n_now = sum(before.n for before, _ in self.stage.states)
-        self.n_columns = at
-        last = self.stage.datums[-1] if self.stage.datums else None
-        self.n_data = last.start + last.n if last else 0
-        rows = _joined([row.expression for row in self.stage.rows])
-        self._rows(rows)
-        self.costs = [self._cost(c.name, c.term, c.price) for c in self.stage.costs]
-        self._changes(rows)
-        self.penalty = np.zeros(self.n_columns)
-        for term in self.stage.penalties:
-            self.penalty += self.matrix(term).sum(axis=0)
-        self.tiebreak = np.zeros(self.n_columns)
-        for x, weight in self.stage.tiebreaks:
-            self.tiebreak[self.position[x.ids]] += weight
+    @property
+    def n_columns(self) -> int:
+        """Number of columns, the present states included."""
+        return int(self.a.shape[1])
 
     @property
     def n_own(self) -> int:
         """Number of columns that every node gets anew."""
         return self.n_columns - self.n_now
 
-    def block(self, name: str) -> Block:
-        """The block of a variable of its own. Raises `KeyError` for an unknown name."""
-        found = next((b for b in self.own if b.name == name), None)
-        if found is None:
-            raise KeyError(f"no variable {name!r}; there are {', '.join(b.name for b in self.own)}")
-        return found
+    @property
+    def n_rows(self) -> int:
+        """Number of rows."""
+        return int(self.a.shape[0])
 
-    def row(self, name: str) -> int:
-        """Which of the stage's named constraints is `name`. Raises `KeyError` for none."""
+    def block(self, name: str) -> Block:
+        """The block of a variable of its own.
+
+        Raises:
+            KeyError: an unknown name.
+        """
+        for block in self.own_blocks:
+            if block.name == name:
+                return block
+        names = ", ".join(block.name for block in self.own_blocks)
+        raise KeyError(f"no variable {name!r}; there are {names}")
+
+    def columns(self, block: Block) -> Ints:
+        """(labels,) columns of a block."""
+        return self.column_of_id[block.slice]
+
+    def own_columns(self, block: Block) -> range:
+        """Where a block lies among the columns that every node gets anew."""
+        start = int(self.column_of_id[block.start]) - self.n_now if block.n else 0
+        return range(start, start + block.n)
+
+    def rows(self, name: str) -> slice:
+        """Rows of one of the stage's named constraints.
+
+        Raises:
+            KeyError: there is none of that name.
+        """
         names = [row.name for row in self.stage.rows]
         if name not in names:
             raise KeyError(f"no constraint {name!r}; there are {', '.join(names)}")
-        return names.index(name)
+        k = names.index(name)
+        return slice(int(self.row_start[k]), int(self.row_start[k + 1]))
 
-    def span(self, block: Block) -> range:
-        """Where a block lies among the columns that every node gets anew."""
-        start = int(self.position[block.start]) - self.n_now if block.n else 0
-        return range(start, start + block.n)
+    def numbers(self, data: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Lower and upper bounds, right-hand sides and prices, (.., n) for data (data, n)."""
+        numbers, (a, b, c) = self.constants[:, None] + self.slopes @ data, self.ends
+        return numbers[:a], numbers[a:b], numbers[b:c], numbers[c:]
+
+    def prices(self, data: Floats) -> Floats:
+        """(columns, n) prices in $ per unit, for data (data, n)."""
+        first = self.ends[-1]
+        return self.constants[first:, None] + self.slopes[first:] @ data
+
+    def offsets(self, data: Floats) -> Floats:
+        """(n,) $ that a node costs whatever the columns, for data (data, n)."""
+        return self.offset + self.offset_data @ data
+
+    @cached_property
+    def lower_bounds(self) -> tuple[Floats, sp.csr_array]:
+        """Of the own columns: (own columns,) constants and (own columns, data) slopes."""
+        return self.constants[: self.ends[0]], self.slopes[: self.ends[0]]
+
+    @cached_property
+    def upper_bounds(self) -> tuple[Floats, sp.csr_array]:
+        """Of the own columns: (own columns,) constants and (own columns, data) slopes."""
+        part = slice(self.ends[0], self.ends[1])
+        return self.constants[part], self.slopes[part]
+
+    @cached_property
+    def right_sides(self) -> tuple[Floats, sp.csr_array]:
+        """Of the rows: (rows,) constants and (rows, data) slopes."""
+        part = slice(self.ends[1], self.ends[2])
+        return self.constants[part], self.slopes[part]
 
     def matrix(self, x: Affine) -> sp.csr_array:
-        """Coefficients of the columns, (x.n, n_columns)."""
-        at = x.ids >= 0
-        entries = (x.values[at], (x.rows[at], self.position[x.ids[at]]))
-        return sp.csr_array(entries, shape=(x.n, self.n_columns))
+        """Coefficients of the columns in expressions x, (x.n, columns)."""
+        return _coefficients(x, self.column_of_id, self.n_columns)
+
+
+def stage_form(stage: Stage) -> Form:
+    """A stage in numbers."""
+    numbering = _Numbering.of_stage(stage)
+    matrix, n_columns = numbering.matrix, numbering.n_columns
+    own = [i for i, block in enumerate(stage.variables) if block.kind != "now"]
+    own_blocks = tuple(stage.variables[i] for i in own)
+    sizes = [row.expression.n for row in stage.rows]
+    rows = _joined([row.expression for row in stage.rows])
+    bounds = [limits[i] for limits in (stage.lower, stage.upper) for i in own]
+    sides = _joined([*bounds, rows * -1.0])
+    costs = tuple(numbering.cost(cost) for cost in stage.costs)
+    prices = sum((cost.columns for cost in costs), np.zeros(n_columns))
+    prices_data = sum((cost.columns_data for cost in costs), numbering.no_data)
+    penalty, tiebreak = np.zeros(n_columns), np.zeros(n_columns)
+    for term in stage.penalties:
+        penalty += matrix(term).sum(axis=0)
+    for x, weight in stage.tiebreaks:
+        tiebreak[numbering.column_of_id[x.ids]] += weight
+    n_own = n_columns - numbering.n_now
+    return Form(
+        stage=stage,
+        n_now=numbering.n_now,
+        own_blocks=own_blocks,
+        column_of_id=numbering.column_of_id,
+        n_data=numbering.n_data,
+        a=matrix(rows).tocoo(),
+        equality=np.repeat([row.equality for row in stage.rows], sizes).astype(bool),
+        row_start=np.cumsum([0, *sizes]),
+        integer=np.repeat([stage.integer[i] for i in own], [b.n for b in own_blocks]).astype(bool),
+        constants=np.concatenate([sides.const, prices]),
+        slopes=sp.vstack([numbering.data_matrix(sides), prices_data], format="csr"),
+        ends=np.cumsum([n_own, n_own, rows.n]),
+        offset=sum(cost.offset for cost in costs),
+        offset_data=sum((cost.offset_data for cost in costs), np.zeros(numbering.n_data)),
+        costs=costs,
+        penalty=penalty,
+        tiebreak=tiebreak,
+        structures=tuple((s, tuple(matrix(arg) for arg in s.args)) for s in stage.structures),
+    )
+
+
+@dataclass(frozen=True)
+class _Numbering:
+    """Which column each id of a stage's variables is; see `Form` for the fields."""
+
+    column_of_id: Ints
+    n_now: int
+    n_columns: int
+    n_data: int
+
+    @classmethod
+    def of_stage(cls, stage: Stage) -> _Numbering:
+        """The states' present values first, the other variables behind them."""
+        before = [block for block, _ in stage.states]
+        own = [block for block in stage.variables if block.kind != "now"]
+        column_of_id = np.empty(stage.variables[-1].slice.stop if stage.variables else 0, np.intp)
+        column = 0
+        for block in [*before, *own]:
+            column_of_id[block.slice] = np.arange(column, column + block.n)
+            column += block.n
+        n_data = stage.datums[-1].slice.stop if stage.datums else 0
+        return cls(column_of_id, sum(block.n for block in before), column, n_data)
+
+    def matrix(self, x: Affine) -> sp.csr_array:
+        """Coefficients of the columns, (x.n, columns)."""
+        return _coefficients(x, self.column_of_id, self.n_columns)
 
     def data_matrix(self, x: Affine) -> sp.csr_array:
-        """Coefficients of the data, (x.n, n_data)."""
-        at = x.ids < 0
-        return sp.csr_array((x.values[at], (x.rows[at], ~x.ids[at])), shape=(x.n, self.n_data))
-
-    def _rows(self, rows: Affine) -> None:
-        sizes = [row.expression.n for row in self.stage.rows]
-        self.row_start = np.cumsum([0, *sizes])
-        self.n_rows = rows.n
-        self.a = self.matrix(rows).tocoo()
-        self.equality = np.repeat([r.equality for r in self.stage.rows], sizes).astype(bool)
-
-    def _changes(self, rows: Affine) -> None:
-        """One matrix for all that data can change: `fixed + moving @ data`, cut at `parts`, are
-        the lower and upper bounds of the own columns, the right-hand sides, and all prices;
-        `offset + offset_data @ data` is what the node costs whatever the columns.
-        """
-        blocks = self.stage.variables
-        keep = [i for i, b in enumerate(blocks) if b.kind != "now"]
-        whole = [self.stage.integer[i] for i in keep]
-        self.integer = np.repeat(whole, [blocks[i].n for i in keep]).astype(bool)
-        limits = [side[i] for side in (self.stage.lower, self.stage.upper) for i in keep]
-        sides = _joined([*limits, rows * -1.0])
-        prices = sum((c.columns for c in self.costs), np.zeros(self.n_columns))
-        moved = sum((c.columns_data for c in self.costs), self._no_data)
-        self.parts = np.cumsum([self.n_own, self.n_own, self.n_rows])
-        self.fixed = np.concatenate([sides.const, prices])
-        self.moving = sp.vstack([self.data_matrix(sides), moved], format="csr")
-        self.lower, self.upper, self.rhs, _ = np.split(self.fixed, self.parts)
-        self.offset = sum(c.offset for c in self.costs)
-        self.offset_data = sum((c.offset_data for c in self.costs), np.zeros(self.n_data))
-
-    @cached_property
-    def lower_data(self) -> sp.csr_array:
-        """What data adds to the lower bounds, (own columns, data)."""
-        return self.moving[: self.parts[0]]
-
-    @cached_property
-    def upper_data(self) -> sp.csr_array:
-        """What data adds to the upper bounds, (own columns, data)."""
-        return self.moving[self.parts[0] : self.parts[1]]
-
-    @cached_property
-    def rhs_data(self) -> sp.csr_array:
-        """What data adds to the right-hand sides, (rows, data)."""
-        return self.moving[self.parts[1] : self.parts[2]]
+        """Coefficients of the data, (x.n, data)."""
+        datum = x.ids < 0
+        entries = (x.values[datum], (x.rows[datum], ~x.ids[datum]))
+        return sp.csr_array(entries, shape=(x.n, self.n_data))
 
     @property
-    def _no_data(self) -> sp.csr_array:
+    def no_data(self) -> sp.csr_array:
+        """(columns, data) zeros."""
         return sp.csr_array((self.n_columns, self.n_data))
 
-    def _cost(self, name: str, term: Affine, price: Affine) -> CostForm:
+    def cost(self, cost: Cost) -> CostForm:
         """`sum(price * term)`, of which only one of the two may hold data."""
-        of_data = term.ids < 0
+        term, price = cost.term, cost.price
+        datum = term.ids < 0
         weights = term.values * price.const[term.rows]
-        at = self.position[term.ids[~of_data]]
-        moving = _summed(~term.ids[of_data], weights[of_data], self.n_data)
-        worth = price.values * term.const[price.rows]
-        both = self.matrix(term).T @ self.data_matrix(price) if price.has_data else self._no_data
+        columns = self.column_of_id[term.ids[~datum]]
+        from_term = _summed(~term.ids[datum], weights[datum], self.n_data)
+        from_price = _summed(~price.ids, price.values * term.const[price.rows], self.n_data)
+        both = self.matrix(term).T @ self.data_matrix(price) if price.has_data else self.no_data
         return CostForm(
-            name,
-            _summed(at, weights[~of_data], self.n_columns),
+            cost.name,
+            _summed(columns, weights[~datum], self.n_columns),
             both.tocsr(),
             float(term.const @ price.const),
-            moving + _summed(~price.ids, worth, self.n_data),
+            from_term + from_price,
         )
 
-    def structures(self) -> list[tuple[Structure, list[sp.csr_array]]]:
-        """Every structure with the coefficient matrix of each of its arguments."""
-        return [(s, [self.matrix(arg) for arg in s.args]) for s in self.stage.structures]
+
+def _coefficients(x: Affine, column_of_id: Ints, n_columns: int) -> sp.csr_array:
+    variable = x.ids >= 0
+    entries = (x.values[variable], (x.rows[variable], column_of_id[x.ids[variable]]))
+    return sp.csr_array(entries, shape=(x.n, n_columns))
 
 
-def _joined(parts: list[Affine]) -> Affine:
+def _joined(parts: Sequence[Affine]) -> Affine:
     return stack(parts) if parts else Affine.constant(0.0, 0)
 
 
-def _summed(at: Ints, weights: Floats, n: int) -> Floats:
-    return np.bincount(at, weights, n).astype(np.float64)
+def _summed(places: Ints, weights: Floats, n: int) -> Floats:
+    return np.bincount(places, weights, n).astype(np.float64)

@@ -20,7 +20,12 @@ from resilience.tolerances import INTEGRALITY_TOLERANCE
 
 @dataclass(frozen=True)
 class Audit:
-    """Worst scaled violation per named row, bound and structure, and where the worst one is."""
+    """Worst scaled violations.
+
+    Attributes:
+        worst: per named row, structure, `bounds`, `integrality` and `cut`, the worst violation.
+        where: likewise, which element that is, as `ess.dynamics[ess2, 14:30]`.
+    """
 
     worst: dict[str, float]
     where: dict[str, str]
@@ -43,32 +48,33 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     worst: dict[str, float] = {}
     where: dict[str, str] = {}
 
-    def note(name: str, violation: Floats, called: Callable[[int], str]) -> None:
+    def note(name: str, violation: Floats, element_name: Callable[[int], str]) -> None:
         if not len(violation):
             return
         violation = np.where(np.isnan(violation), np.inf, violation)  # no number holds nothing
         k = int(np.argmax(violation))
         if violation[k] >= worst.get(name, -1.0):
-            worst[name], where[name] = float(violation[k]), called(k)
+            worst[name], where[name] = float(violation[k]), element_name(k)
 
-    def note_rows(name: str, at: Ints) -> None:
-        note(name, rows[at], lambda k: standard.row_name(int(at[k])))
+    def note_rows(name: str, rows: Ints) -> None:
+        note(name, violations[rows], lambda k: standard.row_name(int(rows[k])))
 
-    rows = row_violations(standard, z, vectors)
-    for form, table in zip(standard.forms, standard.row_tables, strict=True):
-        for i, row in enumerate(form.stage.rows):
-            note_rows(row.name, table[:, form.row_start[i] : form.row_start[i + 1]].ravel())
+    violations = row_violations(standard, z, vectors)
+    for stage in standard.copies:
+        starts = stage.form.row_start
+        for i, row in enumerate(stage.form.stage.rows):
+            note_rows(row.name, stage.rows[:, starts[i] : starts[i + 1]].ravel())
     note_rows("cut", np.arange(standard.n_rows - standard.n_cut_rows, standard.n_rows))
     note("bounds", _bound_violations(z, vectors), standard.column_name)
-    whole = np.flatnonzero(standard.integer)
-    off = np.abs(z[whole] - np.round(z[whole]))
-    note("integrality", off, lambda k: standard.column_name(int(whole[k])))
+    integers = np.flatnonzero(standard.integer)
+    off = np.abs(z[integers] - np.round(z[integers]))
+    note("integrality", off, lambda k: standard.column_name(int(integers[k])))
     for structure in standard.structures:
-        note(structure.name, structure.violation(z), partial(_element, standard, structure))
+        note(structure.name, structure.violation(z), partial(_element_name, standard, structure))
     return Audit(worst, where)
 
 
-def _element(standard: Standard, structure: UnrolledStructure[Structure], k: int) -> str:
+def _element_name(standard: Standard, structure: UnrolledStructure[Structure], k: int) -> str:
     node, label = divmod(k, len(structure.labels))
     slot = standard.tree.labels[structure.nodes[node]]
     return f"{structure.name}[{structure.labels[label]}, {slot}]"
@@ -79,8 +85,7 @@ def row_violations(standard: Standard, z: Floats, v: Vectors) -> Floats:
     activity = standard.a @ z
     terms = abs(standard.a).multiply(np.abs(z)[None, :]).tocsr()
     scale = 1.0 + terms.max(axis=1).toarray().ravel()
-    found: Floats = np.maximum(activity - v.row_upper, v.row_lower - activity) / scale
-    return np.maximum(found, 0.0)
+    return np.maximum(np.maximum(activity - v.row_upper, v.row_lower - activity) / scale, 0.0)
 
 
 def _bound_violations(z: Floats, v: Vectors) -> Floats:
@@ -98,8 +103,9 @@ def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
     comes after its parent, whichever stages the two are of, since y may be a state.
     """
     z = np.clip(z, vectors.lower, vectors.upper)
-    whole = np.flatnonzero(standard.integer & (np.abs(z - np.round(z)) < INTEGRALITY_TOLERANCE))
-    z[whole] = np.round(z[whole])
+    nearly_whole = np.abs(z - np.round(z)) < INTEGRALITY_TOLERANCE
+    integers = np.flatnonzero(standard.integer & nearly_whole)
+    z[integers] = np.round(z[integers])
     maxima = list(standard.structures_of(Largest).values())
     order = sorted((node, k, i) for k, s in enumerate(maxima) for i, node in enumerate(s.nodes))
     for _, k, i in order:

@@ -26,7 +26,11 @@ FORM = "cvar:ALPHA:WEIGHT"
 
 @dataclass(frozen=True)
 class Risk:
-    """Weight `weight` on the mean of the worst 1 - `alpha` of the costs, the rest on the mean.
+    """Weights of the mean and of the mean of the worst costs.
+
+    Attributes:
+        alpha: the worst are those beyond this share of the probability.
+        weight: of the mean of the worst; the mean of all has the rest.
 
     Raises:
         UsageError: alpha or weight out of range.
@@ -55,10 +59,10 @@ class Risk:
         kind, *numbers = text.strip().lower().split(":")
         try:
             alpha, weight = (float(number) for number in numbers)
-            known = kind == "cvar"
+            understood = kind == "cvar"
         except ValueError:
-            known = False
-        if not known:
+            understood = False
+        if not understood:
             raise UsageError(
                 f"risk {text!r} is unknown; allowed: mean, {FORM}",
                 hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
@@ -77,8 +81,8 @@ class Risk:
             return mean
         order = np.argsort(cost)
         reached = np.cumsum(probability[order])
-        at = min(int(np.searchsorted(reached, self.alpha - PROBABILITY_TOLERANCE)), len(cost) - 1)
-        eta = float(cost[order][at])
+        k = int(np.searchsorted(reached, self.alpha - PROBABILITY_TOLERANCE))
+        eta = float(cost[order][min(k, len(cost) - 1)])
         tail = eta + float(probability @ np.maximum(cost - eta, 0.0)) / (1.0 - self.alpha)
         return (1.0 - self.weight) * mean + self.weight * tail
 
@@ -95,22 +99,20 @@ def node_prices(standard: Standard, data: Values) -> tuple[sp.csr_array, Floats]
     """
     rows, columns, values = [], [], []
     offset = np.zeros(standard.tree.n)
-    for form, table, nodes in zip(standard.forms, standard.tables, standard.members, strict=True):
-        d = standard.data_matrix(data, form, nodes)
-        start = form.parts[-1]
-        prices = form.fixed[start:, None] + form.moving[start:] @ d
-        rows.append(np.repeat(nodes, form.n_columns))
-        columns.append(table.ravel())
-        values.append(prices.T.ravel())
-        offset[nodes] = form.offset + form.offset_data @ d
+    for stage in standard.copies:
+        d = standard.stacked_data(data, stage)
+        rows.append(np.repeat(stage.nodes, stage.form.n_columns))
+        columns.append(stage.columns.ravel())
+        values.append(stage.form.prices(d).T.ravel())
+        offset[stage.nodes] = stage.form.offsets(d)
     leaves = standard.tree.leaves
     rows.append(leaves)
     columns.append(standard.future)
     values.append(np.ones(len(leaves)))
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    found = sp.csr_array(entries, shape=(standard.tree.n, standard.n_columns))
-    found.eliminate_zeros()
-    return found, offset
+    prices = sp.csr_array(entries, shape=(standard.tree.n, standard.n_columns))
+    prices.eliminate_zeros()
+    return prices, offset
 
 
 def paths(tree: Tree) -> sp.csr_array:

@@ -57,7 +57,7 @@ class NetworkSimulator(Plant):
         refuse(self, blocks=False, ratings=False)
         self.standard = unroll([self.form.stage], Tree.chain(["now"]))
         self.solver = Highs(lower(self.standard, modes={}), duals=False)
-        self.table = self.standard.tables[0][0]
+        self.table = self.standard.copies[0].columns[0]
 
     def __reduce__(self) -> tuple[type[NetworkSimulator], tuple[Microgrid, float]]:
         return NetworkSimulator, (self.microgrid, self.dt)  # a solver cannot be sent to a process
@@ -137,14 +137,13 @@ class _Batch:
     ) -> _Batch:
         """The vectors of a slot; `request` is charging and discharging power (units, members)."""
         form, standard, table = plant.form, plant.standard, plant.table
-        changed = form.fixed[:, None] + form.moving @ data
-        a, b, c = form.parts
+        low, high, sides, prices = form.numbers(data)
         n, members = standard.n_columns, energy.shape[1]
         lower, upper, cost = np.zeros((members, n)), np.zeros((members, n)), np.zeros(n)
         present = table[form.n_now :]
-        lower[:, present], upper[:, present] = changed[:a].T, changed[a:b].T
-        rhs = changed[b:c].T.copy()
-        np.add.at(cost, table, changed[c:, 0])
+        lower[:, present], upper[:, present] = low.T, high.T
+        rhs = sides.T.copy()
+        np.add.at(cost, table, prices[:, 0])
         if len(plant.units):
             stored = standard.initial[STATE]
             lower[:, stored] = upper[:, stored] = energy.T

@@ -20,7 +20,7 @@ from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
-from resilience.models.program.form import Form
+from resilience.models.program.form import stage_form
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 from resilience.models.simulator.constants import Constant, Map, Matrix
 
@@ -53,26 +53,24 @@ class Plant:
 
     def __init__(self, microgrid: Microgrid, dt: float) -> None:
         self.microgrid, self.dt = microgrid, dt
-        self.form = Form(microgrid.stage(dt))
-        k = self.form.row("balance.p")
-        rows = slice(int(self.form.row_start[k]), int(self.form.row_start[k + 1]))
-        self.balance_rows = rows
+        self.form = stage_form(microgrid.stage(dt))
+        self.balance_rows = rows = self.form.rows("balance.p")
         self._balance = self.form.a.tocsr()[rows]
         self.n_buses = int(self._balance.shape[0])
-        self.demand = Map(self.form.rhs[rows], self.form.rhs_data[rows])
+        sides, slopes = self.form.right_sides
+        self.demand = Map(sides[rows], slopes[rows])
         self._read_storage()
         self._read_sources()
 
     def positions(self, name: str) -> Ints:
         """Columns of a variable in the stage's form."""
-        return np.asarray(self.form.position[self.form.block(name).slice], np.intp)
+        return self.form.columns(self.form.block(name))
 
     def bound(self, side: Literal["lower", "upper"], columns: Ints) -> Map:
         """The lower or upper bounds of columns, from data."""
         form, variables = self.form, columns - self.form.n_now
-        if side == "lower":
-            return Map(form.lower[variables], form.lower_data[variables])
-        return Map(form.upper[variables], form.upper_data[variables])
+        constants, slopes = form.lower_bounds if side == "lower" else form.upper_bounds
+        return Map(constants[variables], slopes[variables])
 
     def _read_storage(self) -> None:
         """Reads units, their bands, and what a MW does to them, from the row of their dynamics."""
@@ -84,16 +82,15 @@ class Plant:
         self.gain = self.drain = self.low = self.high = np.empty((0, 1))
         if blocks:
             energy, columns = self.positions(STATE), [self.positions(name) for name in STORAGE]
-            k = self.form.row("ess.dynamics")
-            moves = self.form.a.tocsr()[self.form.row_start[k] : self.form.row_start[k + 1]]
+            moves = self.form.a.tocsr()[self.form.rows("ess.dynamics")]
             moves, rows = moves.toarray(), np.arange(n)
             scale = -moves[rows, energy]
             self.gain = (moves[rows, columns[0]] / scale)[:, None]
             self.drain = -(moves[rows, columns[1]] / scale)[:, None]
             self.storage_bus = np.argmax(self._balance[:, columns[1]].toarray() > 0, axis=0)
             variables = energy - self.form.n_now
-            self.low = self.form.lower[variables][:, None]
-            self.high = self.form.upper[variables][:, None]
+            (lower, _), (upper, _) = self.form.lower_bounds, self.form.upper_bounds
+            self.low, self.high = lower[variables][:, None], upper[variables][:, None]
             self.stored = columns[0], columns[1]
         entries = (np.ones(n), (self.storage_bus, np.arange(n)))
         self._at_bus = Matrix(sp.csr_array(entries, shape=(self.n_buses, n)))
@@ -106,9 +103,11 @@ class Plant:
     def _read_sources(self) -> None:
         """Reads what feeds or loads a bus, with its sign, bounds and price."""
         form = self.form
-        blocks = [b for b in form.own if b.name not in STORAGE and not b.name.startswith("line.")]
+        blocks = [
+            b for b in form.own_blocks if b.name not in STORAGE and not b.name.startswith("line.")
+        ]
         none = np.empty(0, np.intp)
-        positions = np.concatenate([form.position[b.slice] for b in blocks] or [none])
+        positions = np.concatenate([form.columns(b) for b in blocks] or [none])
         names = [f"{b.name}[{label}]" for b in blocks for label in b.labels]
         entries = self._balance[:, positions].tocsc()
         feeds = np.flatnonzero(np.diff(entries.indptr))

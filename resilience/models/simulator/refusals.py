@@ -31,7 +31,7 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
     """
     stage, form = plant.form.stage, plant.form
     allowed = BLOCKS if blocks else ()
-    integer = [b.name for b in form.own if b.n and form.integer[form.span(b)[0]]]
+    integer = [b.name for b in form.own_blocks if b.n and form.integer[form.own_columns(b)[0]]]
     demands = [f"decide {name!r}" for name in integer if name not in allowed]
     memory = [after.name for _, after in stage.states if after.name not in (*STATES, *integer)]
     demands += [f"remember {name!r}" for name in memory]

@@ -56,11 +56,11 @@ def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> Two
 
 def own_columns(standard: Standard) -> list[Ints]:
     """Columns that every node has for itself."""
-    found: list[Ints] = [np.empty(0, np.intp)] * standard.tree.n
-    for form, table, nodes in zip(standard.forms, standard.tables, standard.members, strict=True):
-        for node, row in zip(nodes, table, strict=True):
-            found[node] = row[form.n_now :]
-    return found
+    columns: list[Ints] = [np.empty(0, np.intp)] * standard.tree.n
+    for stage in standard.copies:
+        for node, own in zip(stage.nodes, stage.own_columns, strict=True):
+            columns[node] = own
+    return columns
 
 
 def parted(two: TwoStage, whole: Standard, z: Floats) -> tuple[Floats, list[Floats]]:

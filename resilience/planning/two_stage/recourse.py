@@ -138,11 +138,9 @@ class Recourse:
         standard = self.two.programs[k]
         longest = next(c for c in self.two.chains if c.program == k and c.offset == 0)
         heads = np.empty((standard.tree.n, 2), np.intp)
-        for form, table, rows, nodes in zip(
-            standard.forms, standard.tables, standard.row_tables, standard.members, strict=True
-        ):
-            heads[nodes, 0] = table[:, form.n_now]
-            heads[nodes, 1] = rows[:, 0]
+        for stage in standard.copies:
+            heads[stage.nodes, 0] = stage.own_columns[:, 0]
+            heads[stage.nodes, 1] = stage.rows[:, 0]
         base = standard.vectors(self.two.data_of(longest.nodes), _nothing(standard))
         return _BranchProgram(standard, base, heads[:, 0], heads[:, 1])
 
@@ -221,13 +219,11 @@ def _constants(standard: Standard, data: dict[str, Floats], start: int) -> tuple
     """Prices of the states that the step `start` begins with, and what the steps from it on cost
     whatever is done, in $.
     """
-    offset, now = 0.0, np.zeros(standard.n_states)
-    for form, nodes in zip(standard.forms, standard.members, strict=True):
-        d = standard.data_matrix(data, form, nodes)
-        live = nodes >= start
-        offset += float((form.offset + form.offset_data @ d)[live].sum())
-        if start in nodes:
-            each = d[:, list(nodes).index(start)]
-            prices = form.fixed[form.parts[-1] :] + form.moving[form.parts[-1] :] @ each
-            now = prices[: form.n_now]
-    return now, offset
+    offset, now_price = 0.0, np.zeros(standard.n_states)
+    for stage in standard.copies:
+        d = standard.stacked_data(data, stage)
+        offset += float(stage.form.offsets(d)[stage.nodes >= start].sum())
+        first = np.flatnonzero(stage.nodes == start)
+        if len(first):
+            now_price = stage.form.prices(d[:, first])[: stage.form.n_now, 0]
+    return now_price, offset
