@@ -21,7 +21,15 @@ Labels = tuple[str, ...]
 
 
 class Affine:
-    """A vector of n affine expressions, each with a label that survives into row names."""
+    """A vector of n affine expressions, each with a label that survives into row names.
+
+    Attributes:
+        rows: (entries,) which expression each triplet belongs to.
+        ids: (entries,) which variable (>= 0) or datum (< 0, the k-th being ~k) it multiplies.
+        values: (entries,) its coefficient; triplets of one row and id add up.
+        const: (n,) constants.
+        labels: (n,) names; None where none has been given.
+    """
 
     __slots__ = ("const", "ids", "labels", "rows", "values")
     __array_ufunc__ = None  # numpy hands `array * affine` over to us
@@ -52,21 +60,21 @@ class Affine:
     def __len__(self) -> int:
         return self.n
 
-    def _coerce(self, other: Any) -> Affine:
-        if isinstance(other, Affine):
-            return other
-        value = np.asarray(other, float)
+    def _coerce(self, term: Any) -> Affine:
+        if isinstance(term, Affine):
+            return term
+        value = np.asarray(term, float)
         return Affine.constant(value, self.n if value.size == 1 else len(value))
 
     def __add__(self, other: Any) -> Affine:
-        other = self._coerce(other)
-        left, right = self._stretched(other.n), other._stretched(self.n)
+        term = self._coerce(other)
+        a, b = self._stretched(term.n), term._stretched(self.n)
         return Affine(
-            np.concatenate([left.rows, right.rows]),
-            np.concatenate([left.ids, right.ids]),
-            np.concatenate([left.values, right.values]),
-            left.const + right.const,
-            left.labels or right.labels,
+            np.concatenate([a.rows, b.rows]),
+            np.concatenate([a.ids, b.ids]),
+            np.concatenate([a.values, b.values]),
+            a.const + b.const,
+            a.labels or b.labels,
         )
 
     __radd__ = __add__
@@ -94,6 +102,9 @@ class Affine:
 
     def __getitem__(self, index: Any) -> Affine:
         chosen = np.atleast_1d(np.arange(self.n)[index])
+        # A selection is a 0/1 matrix with a one in (k, chosen[k]). Its columns, which `mapped`
+        # wants, are the places in `chosen` in the order of what stands there; an expression may be
+        # chosen twice, or not at all.
         order = np.argsort(chosen, kind="stable")
         starts = np.searchsorted(chosen[order], np.arange(self.n + 1))
         pick = sp.csc_array((np.ones(len(chosen)), order, starts), shape=(len(chosen), self.n))
@@ -108,18 +119,25 @@ class Affine:
         return self.mapped(sp.csr_array(np.ones((n, 1))))
 
     def mapped(self, matrix: Any, labels: Labels | None = None) -> Affine:
-        """`matrix @ self` for a constant (m, n) matrix, dense or sparse."""
+        """`matrix @ self` for a constant (m, n) matrix, dense or sparse.
+
+        Raises:
+            ValueError: the matrix does not have n columns.
+        """
+        # The triplet (row i, id, value) becomes one triplet (k, id, matrix[k, i] * value) for every
+        # entry in column i of the matrix. So each triplet is repeated as often as its column has
+        # entries, and `place` counts through the entries of that column.
         matrix = sp.csc_array(matrix)
         if matrix.shape[1] != self.n:
             raise ValueError(f"a matrix of shape {matrix.shape} cannot map {self.n} expressions")
         starts, counts = matrix.indptr[self.rows], np.diff(matrix.indptr)[self.rows]
-        entry = np.repeat(np.arange(len(self.rows)), counts)
-        shift = np.arange(len(entry)) - np.repeat(np.cumsum(counts) - counts, counts)
-        at = starts[entry] + shift
+        triplet = np.repeat(np.arange(len(self.rows)), counts)
+        within_column = np.arange(len(triplet)) - np.repeat(np.cumsum(counts) - counts, counts)
+        place = starts[triplet] + within_column
         return Affine(
-            matrix.indices[at].astype(np.intp),
-            self.ids[entry],
-            self.values[entry] * matrix.data[at],
+            matrix.indices[place].astype(np.intp),
+            self.ids[triplet],
+            self.values[triplet] * matrix.data[place],
             matrix @ self.const,
             labels,
         )
@@ -139,21 +157,21 @@ class Affine:
         return bool((self.ids < 0).any())
 
 
-def stack(parts: Sequence[Affine]) -> Affine:
-    """The expressions of all parts, one below the other."""
-    offsets = np.cumsum([0] + [part.n for part in parts])
-    named = all(part.labels is not None for part in parts)
+def stack(terms: Sequence[Affine]) -> Affine:
+    """All expressions, one below the other."""
+    offsets = np.cumsum([0] + [term.n for term in terms])
+    labelled = all(term.labels is not None for term in terms)
     return Affine(
-        np.concatenate([part.rows + o for part, o in zip(parts, offsets, strict=False)]),
-        np.concatenate([part.ids for part in parts]),
-        np.concatenate([part.values for part in parts]),
-        np.concatenate([part.const for part in parts]),
-        tuple(label for part in parts for label in part.labels or ()) if named else None,
+        np.concatenate([term.rows + o for term, o in zip(terms, offsets, strict=False)]),
+        np.concatenate([term.ids for term in terms]),
+        np.concatenate([term.values for term in terms]),
+        np.concatenate([term.const for term in terms]),
+        tuple(label for term in terms for label in term.labels or ()) if labelled else None,
     )
 
 
-def scatter(part: Affine, index: ArrayLike, n: int, labels: Labels | None = None) -> Affine:
-    """An n-vector that is zero but for `part` at the places `index`."""
+def scatter(term: Affine, index: ArrayLike, n: int, labels: Labels | None = None) -> Affine:
+    """An n-vector that is zero but for `term` at the places `index`."""
     index = np.asarray(index, np.intp)
-    place = sp.csc_array((np.ones(part.n), index, np.arange(part.n + 1)), shape=(n, part.n))
-    return part.mapped(place, labels)
+    place = sp.csc_array((np.ones(term.n), index, np.arange(term.n + 1)), shape=(n, term.n))
+    return term.mapped(place, labels)

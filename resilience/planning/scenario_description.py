@@ -77,7 +77,7 @@ def full_plan(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> 
         physics=planned.physics,
         certificate=planned.certificate,
         totals=Costs(
-            objective=planned.risk.of(outcomes.cost, probability),
+            objective=planned.risk.value(outcomes.cost, probability),
             operating_cost=float(probability @ outcomes.operating_cost),
             terminal_credit=float(probability @ outcomes.terminal_credit),
         ),
@@ -118,8 +118,8 @@ def _statistics(cost: Floats, shed_mwh: Floats, probability: Floats) -> Scenario
 
 def _worth(planned: PlannedScenarios) -> InformationValue:
     probability = planned.scenarios.probability
-    objective = planned.risk.of(planned.outcomes.cost, probability)
-    clairvoyant = planned.risk.of(planned.clairvoyant_cost, probability)
+    objective = planned.risk.value(planned.outcomes.cost, probability)
+    clairvoyant = planned.risk.value(planned.clairvoyant_cost, probability)
     return InformationValue(
         clairvoyant_cost=clairvoyant,
         mean_value_cost=planned.mean_value_cost,

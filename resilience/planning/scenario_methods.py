@@ -105,7 +105,7 @@ def solve_scenario_program(
         algorithm=algorithm,
         relaxed=_relaxed_facts(two_stage, solution),
         mean_value_cost=(
-            None if mean_cost is None else two_stage.risk.of(mean_cost, relaxed.probability)
+            None if mean_cost is None else two_stage.risk.value(mean_cost, relaxed.probability)
         ),
         stochastic_cost=relaxed.objective,
     )

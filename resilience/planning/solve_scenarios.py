@@ -143,7 +143,7 @@ def plan_in_two_stages(
     with phase("audit"):
         distinct_outcomes, tables = outcomes.planned_outcomes(program, result.solution)
     scenario_outcomes = distinct_outcomes.selected(distinct.index)
-    objective = risk.of(scenario_outcomes.cost, scenarios.probability)
+    objective = risk.value(scenario_outcomes.cost, scenarios.probability)
     # Capped, since settling the plan may move its cost a hair below the solver's bound; a bound
     # that is wrong by more is hidden, too.
     bound = min(result.solution.bound, objective)
@@ -184,10 +184,10 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
         trajectory = simulate(world, DISPATCHERS[method](world))
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
-    objective = risk.of(scenario_outcomes.cost, scenarios.probability)
+    objective = risk.value(scenario_outcomes.cost, scenarios.probability)
     # Capped, since the simulator's recourse and the bound's solver round differently; a bound that
     # is wrong by more is hidden, too.
-    bound = min(risk.of(clairvoyant_cost, scenarios.probability), objective)
+    bound = min(risk.value(clairvoyant_cost, scenarios.probability), objective)
     longest = int(np.argmax(program.leaves[distinct.index]))
     return PlannedScenarios(
         method=method,

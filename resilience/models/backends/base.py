@@ -19,7 +19,12 @@ Status = Literal["optimal", "feasible", "infeasible", "none"]
 
 @dataclass(frozen=True)
 class Duals:
-    """Multipliers in the Lagrangian  c'z + rows'(A z - b) - sum_k cones[k] . structure_k(z)."""
+    """Multipliers in the Lagrangian  c'z + rows'(A z - b) - sum_k cones[k] . structure_k(z).
+
+    Attributes:
+        rows: (rows,) non-negative on `<=` rows.
+        cones: by the index of a structure, (1 + x, n) of its `second_order` form.
+    """
 
     rows: Floats
     cones: dict[int, Floats] = field(default_factory=dict)
@@ -27,13 +32,14 @@ class Duals:
 
 @dataclass(frozen=True)
 class Solution:
-    """What a backend found.
+    """What a backend answers.
 
     Attributes:
-        status: optimal (within tolerance), feasible (stopped early), infeasible, or none found.
+        status: optimal (within tolerance), feasible (stopped early), infeasible, or none.
         z: (columns,) values, None where there are none.
         objective: $ at z, or inf.
-        bound: proven lower bound in $ for the problem as the backend holds it, or -inf.
+        bound: proven lower bound in $ for the program as the backend holds it, or -inf.
+        duals: its multipliers, where the backend gives them.
         state_price: (states,) $ per unit of each state at the start.
     """
 
@@ -46,7 +52,11 @@ class Solution:
 
     @property
     def point(self) -> Floats:
-        """The values; only to be asked where there are some."""
+        """The values, where there are some.
+
+        Raises:
+            ValueError: there are none.
+        """
         if self.z is None:
             raise ValueError("this solution has no point")
         return self.z
@@ -74,7 +84,7 @@ class Backend(Protocol):
         """
 
     def solve(self) -> Solution:
-        """Solves what was last given to `update`."""
+        """Solves the program with the latest vectors."""
 
 
 def refuse_unknown(standard: Standard, subject: str, allowed: Collection[type[Structure]]) -> None:
@@ -105,7 +115,13 @@ def leaf_rows(states: Ints, future: int, beta: Floats) -> tuple[Ints, Floats]:
 
 @dataclass
 class LeafCuts:
-    """Cuts that came after the problem was built, per leaf: (future, states, alpha, beta)."""
+    """Cuts that came after the program was built.
+
+    Attributes:
+        standard: the program.
+        cuts: per call of `add`: column of the future cost, columns of the states (states,), alpha
+            (k,) and beta (k, states).
+    """
 
     standard: Standard
     cuts: list[tuple[int, Ints, Floats, Floats]] = field(default_factory=list)

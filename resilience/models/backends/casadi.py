@@ -45,7 +45,7 @@ class NLP:
     they would be constraints without variables.
 
     Args:
-        problem: the problem.
+        standard: the program.
         time_limit: seconds per solve.
         penalty: see `Conic`.
     """
@@ -131,20 +131,20 @@ class NLP:
         self, ca: Any, z: Any, v: Vectors, point: Floats, live: Bools
     ) -> tuple[list[Any], list[Floats], list[Floats]]:
         standard = self.standard
-        keep = np.flatnonzero(_moving(standard.a, live))
-        rows = [_times(ca, standard.a[keep], z)]
-        low, high = [v.row_lower[keep]], [v.row_upper[keep]]
+        moving = np.flatnonzero(_moving(standard.a, live))
+        rows = [_times(ca, standard.a[moving], z)]
+        low, high = [v.row_lower[moving]], [v.row_upper[moving]]
         for columns, values, rhs in self._cut_rows:
             rows.append(ca.mtimes(ca.DM(values), z[columns.tolist()]))
             low.append(np.full(len(rhs), -np.inf))
             high.append(rhs)
         for unrolled in standard.structures_of(SecondOrder).values():
-            part = unrolled.elements(np.flatnonzero(_alive(unrolled, point, live)))
-            args = [_times(ca, m, z) + c for m, c in zip(part.matrices, part.consts, strict=True)]
-            row, least, most = _QUADRATICS[type(unrolled.structure)](args, part.limits)
+            alive = unrolled.elements(np.flatnonzero(_alive(unrolled, point, live)))
+            args = [_times(ca, m, z) + c for m, c in zip(alive.matrices, alive.consts, strict=True)]
+            row, lower, upper = _QUADRATICS[type(unrolled.structure)](args, alive.limits)
             rows.append(row)
-            low.append(np.broadcast_to(least, len(part.consts[0])))
-            high.append(np.broadcast_to(most, len(part.consts[0])))
+            low.append(np.broadcast_to(lower, len(alive.consts[0])))
+            high.append(np.broadcast_to(upper, len(alive.consts[0])))
         return rows, low, high
 
 

@@ -34,6 +34,8 @@ from resilience.models.structures import (
 )
 from resilience.tolerances import CONFLICT_TOLERANCE
 
+MAX_LISTED = 12  # rows that `conflict` names
+
 
 class Conic:
     """Holds affine rows and discs; cones as u v >= sum(x^2); integers and modes relaxed.
@@ -42,8 +44,8 @@ class Conic:
     point method without an interior.
 
     Args:
-        problem: the problem.
-        penalty: weight of the problem's penalty (losses) on top of the cost; it closes cones and
+        standard: the program.
+        penalty: weight of the program's penalty (losses) on top of the cost; it closes cones and
             takes no part in the objective, but voids the bound, which is then -inf.
         elastic: lets every row be missed at this price in $ per unit; for explanations.
     """
@@ -77,23 +79,23 @@ class Conic:
         g[:, columns] = values
         self.add_rows(g.tocsr(), -np.asarray(alpha))
 
-    def _whole(self) -> tuple[sp.csr_array, Vectors]:
-        """Matrix and vectors with the added rows behind the problem's own."""
+    def _with_added_rows(self) -> tuple[sp.csr_array, Vectors]:
+        """Matrix and vectors with the added rows behind the program's own."""
         (g, h), v = self._rows, self._cuts.with_futures_open(self.vectors)
         low = np.append(v.row_lower, np.full(len(h), -np.inf))
-        whole = Vectors(v.cost, v.offset, v.lower, v.upper, low, np.append(v.row_upper, h))
-        return sp.vstack([self.standard.a, g], format="csr"), whole
+        vectors = replace(v, row_lower=low, row_upper=np.append(v.row_upper, h))
+        return sp.vstack([self.standard.a, g], format="csr"), vectors
 
     def solve(self) -> Solution:
         """Solves the relaxation."""
         cp: Any = importlib.import_module("cvxpy")
-        a, v = self._whole()
+        a, v = self._with_added_rows()
         if crossed(v):
             return INFEASIBLE
         free = np.flatnonzero(v.lower < v.upper)
-        held = np.where(v.lower < v.upper, 0.0, v.lower)
+        fixed = np.where(v.lower < v.upper, 0.0, v.lower)
         x = cp.Variable(len(free))
-        constraints, slack = self._constraints(x, free, held)
+        constraints, slack = self._constraints(x, free, fixed)
         objective = (v.cost + self.penalty * self.standard.penalty)[free] @ x
         if slack is not None:
             objective = self.elastic * cp.norm1(slack)
@@ -110,34 +112,43 @@ class Conic:
             return replace(INFEASIBLE, bound=-np.inf)  # believed, not proven
         if x.value is None:
             return NOTHING
-        z = held.copy()
+        z = fixed.copy()
         z[free] = np.clip(x.value, v.lower[free], v.upper[free])
         self.slack = None if slack is None else np.asarray(slack.value)
         return self._solution(a, v, z, constraints, program.status == "optimal")
 
-    def _constraints(self, x: Any, free: Ints, held: Floats) -> tuple[list[Any], Any]:
+    def _constraints(self, x: Any, free: Ints, fixed: Floats) -> tuple[list[Any], Any]:
+        """Equations, inequalities, bounds and cones of the free columns; what rows may miss.
+
+        Args:
+            x: variable of the free columns.
+            free: which columns these are.
+            fixed: (columns,) values of the others, zeros for these.
+        """
         cp: Any = importlib.import_module("cvxpy")
-        a, v = self._whole()
-        sides = v.row_upper - a @ held
+        a, v = self._with_added_rows()
+        sides = v.row_upper - a @ fixed
         slack = None if self.elastic is None else cp.Variable(len(sides))
         equal = np.isfinite(v.row_lower)
         rows = np.flatnonzero(equal), np.flatnonzero(~equal)
         reduced = a.tocsc()[:, free].tocsr()
-        left = [reduced[at] @ x + (0 if slack is None else slack[at]) for at in rows]
-        found = [
-            left[0] == sides[rows[0]],
-            left[1] <= sides[rows[1]],
+        equations, inequalities = (
+            reduced[chosen] @ x + (0 if slack is None else slack[chosen]) for chosen in rows
+        )
+        constraints = [
+            equations == sides[rows[0]],
+            inequalities <= sides[rows[1]],
             x >= v.lower[free],
             x <= v.upper[free],
         ]
         for unrolled in self._second_order.values():
             matrices, consts = unrolled.structure.second_order(unrolled)
             t, *xs = [
-                m.tocsc()[:, free] @ x + (m @ held + c)
+                m.tocsc()[:, free] @ x + (m @ fixed + c)
                 for m, c in zip(matrices, consts, strict=True)
             ]
-            found.append(cp.SOC(t, cp.vstack(xs), axis=0))
-        return found, slack
+            constraints.append(cp.SOC(t, cp.vstack(xs), axis=0))
+        return constraints, slack
 
     def _solution(
         self, a: sp.csr_array, v: Vectors, z: Floats, constraints: list[Any], done: bool
@@ -156,22 +167,26 @@ class Conic:
             return Solution(status, z, value, -np.inf, Duals(rows, cones))
         slope, offset = cone_share(standard, cones)
         bound = safe_bound(a, v, rows, slope, offset)
-        start = (v.cost + a.T @ rows - slope)[: standard.n_states]
-        return Solution(status, z, value, bound, Duals(rows, cones), start)
+        state_price = (v.cost + a.T @ rows - slope)[: standard.n_states]
+        return Solution(status, z, value, bound, Duals(rows, cones), state_price)
 
-    def conflict(self, most: int = 12) -> list[str]:
+    def conflict(self) -> list[str]:
         """Names of the rows that an elastic solve misses, the worst first.
 
         Where bounds contradict each other by themselves, those are named.
         """
         if crossed(self.vectors):
-            beyond = np.argsort(self.vectors.upper - self.vectors.lower)[:most]
-            at = [int(j) for j in beyond if self.vectors.lower[j] > self.vectors.upper[j]]
-            return [f"bounds of {self.standard.column_name(j)}" for j in at]
+            room = self.vectors.upper - self.vectors.lower
+            tightest = np.argsort(room)[:MAX_LISTED]
+            return [
+                f"bounds of {self.standard.column_name(int(j))}" for j in tightest if room[j] < 0
+            ]
         trial = Conic(self.standard, elastic=1.0)
         trial.update(self.vectors)
         if trial.solve().z is None or trial.slack is None:
             return []
         missed = np.abs(trial.slack)
-        worst = np.argsort(-missed)[:most]
-        return [self.standard.row_name(int(i)) for i in worst if missed[i] > CONFLICT_TOLERANCE]
+        worst_rows = np.argsort(-missed)[:MAX_LISTED]
+        return [
+            self.standard.row_name(int(i)) for i in worst_rows if missed[i] > CONFLICT_TOLERANCE
+        ]

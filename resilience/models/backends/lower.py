@@ -127,12 +127,12 @@ def lower(
         default = np.full(unrolled.n, modes is None)
         chosen = default if modes is None else modes.get(k, default)
         _REWRITES[type(unrolled.structure)](rows, unrolled, np.flatnonzero(chosen))
-    held = np.ones(rows.width, bool)
-    held[: standard.n_columns] = _integers(standard, integer)
+    held_integer = np.ones(rows.width, bool)
+    held_integer[: standard.n_columns] = _integers(standard, integer)
     return Lowered(
         standard=standard,
         a=rows.matrix(),
-        integer=held,
+        integer=held_integer,
         rhs=np.concatenate([np.empty(0), *rows.rhs]),
         equality=np.concatenate([np.empty(0, bool), *rows.equality]),
         disc_rows=np.concatenate([np.empty(0, np.intp), *rows.disc_rows]),

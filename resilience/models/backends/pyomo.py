@@ -34,7 +34,7 @@ class Pyomo:
     Variables are called after the model, `ess_charge[ess2,14:30]`, and so are constraints.
 
     Args:
-        problem: the problem, or one already lowered with a choice of what is relaxed.
+        standard: the program, or one already lowered with a choice of what is relaxed.
         solver: 'highs' (persistent) or 'scip'.
         cones: 'relaxed' holds u v >= sum(x^2) only, which is convex.
         time_limit: seconds per solve.
@@ -65,27 +65,27 @@ class Pyomo:
             )
         if solver == "highs":
             self.exact = self.exact - {Cone, Disc}
-        self.late = LeafCuts(self.standard)
+        self._later_cuts = LeafCuts(self.standard)
         self.model: Any = None
         self._sent: Vectors | None = None
         self._persistent: Any = None
 
     def update(self, vectors: Vectors) -> None:
         """Takes new numbers; the model is built at the first call."""
-        self.vectors = self.late.with_futures_open(vectors)
+        self.vectors = self._later_cuts.with_futures_open(vectors)
         v = self.lowered.vectors(self.vectors)
         old = self._sent
         if old is None:
             self._build(v)
-        for i in _differ(old, v, "lower", "upper"):
+        for i in _differing(old, v, "lower", "upper"):
             low, high = v.lower[i], v.upper[i]
             self._vars[i].setlb(low if low > -np.inf else None)
             self._vars[i].setub(high if high < np.inf else None)
         rhs, price = self.model.rhs, self.model.price
-        for i in _differ(old, v, "row_upper"):
-            if i in self._kept:
-                rhs[self._kept[i]] = v.row_upper[i]
-        for i in self._priced if old is None else _differ(old, v, "cost"):
+        for i in _differing(old, v, "row_upper"):
+            if i in self._row_of:
+                rhs[self._row_of[i]] = v.row_upper[i]
+        for i in self._priced if old is None else _differing(old, v, "cost"):
             price[i] = v.cost[i]
         self.model.offset = v.offset
         self._sent = v
@@ -98,8 +98,8 @@ class Pyomo:
         quadratic = self.solver == "scip"
         drop = set(len(self.standard.a.indptr) - 1 + self.lowered.disc_rows) if quadratic else set()
         rows = [i for i in range(self.lowered.a.shape[0]) if i not in drop]
-        self._kept = {i: j for j, i in enumerate(rows)}
-        model.rhs = pyo.Param(range(len(self._kept)), mutable=True, initialize=0.0)
+        self._row_of = {i: j for j, i in enumerate(rows)}
+        model.rhs = pyo.Param(range(len(self._row_of)), mutable=True, initialize=0.0)
         self._constraints(pyo, v)
         self._priced = self._priceable(v)
         model.price = pyo.Param(self._priced, mutable=True, initialize=0.0)
@@ -119,16 +119,17 @@ class Pyomo:
         return sorted(priced)
 
     def _columns(self, pyo: Any) -> list[Any]:
+        """Variables of the model, by column."""
         standard, model, slots = self.standard, self.model, list(self.standard.tree.labels)
-        found: list[Any] = [None] * self.lowered.a.shape[1]
-        for name, at in standard.initial.items():
+        variables: list[Any] = [None] * self.lowered.a.shape[1]
+        for name, columns in standard.initial.items():
             var = pyo.Var(list(standard.labels(name)), domain=pyo.Reals)
             model.add_component(_plain(name) + "_start", var)
-            for label, j in zip(standard.labels(name), at, strict=True):
-                found[j] = var[label]
+            for label, j in zip(standard.labels(name), columns, strict=True):
+                variables[j] = var[label]
         model.future = pyo.Var(range(len(standard.future)), domain=pyo.Reals)
         for k, j in enumerate(standard.future):
-            found[j] = model.future[k]
+            variables[j] = model.future[k]
         for name in standard.names:
             index = standard.columns(name)
             domain = pyo.Reals
@@ -139,12 +140,12 @@ class Pyomo:
             model.add_component(_plain(name), var)
             for label, row in zip(standard.labels(name), index, strict=True):
                 for slot, j in zip(slots, row, strict=True):
-                    found[j] = var[label, slot]
-        added = range(standard.n_columns, len(found))
+                    variables[j] = var[label, slot]
+        added = range(standard.n_columns, len(variables))
         model.mode = pyo.Var(added, domain=pyo.Binary)
         for j in added:
-            found[j] = model.mode[j]
-        return found
+            variables[j] = model.mode[j]
+        return variables
 
     def _constraints(self, pyo: Any, v: Vectors) -> None:
         from pyomo.core.expr import LinearExpression
@@ -153,11 +154,10 @@ class Pyomo:
         equality = np.concatenate([self.standard.equality, self.lowered.equality])
         ranged = set((self.standard.n_rows + self.lowered.disc_rows).tolist())
         blocks: dict[str, dict[str, Any]] = {}
-        for i, j in self._kept.items():
-            at = slice(a.indptr[i], a.indptr[i + 1])
-            body = LinearExpression(
-                linear_coefs=a.data[at].tolist(), linear_vars=[self._vars[k] for k in a.indices[at]]
-            )
+        for i, j in self._row_of.items():
+            entries = slice(a.indptr[i], a.indptr[i + 1])
+            variables = [self._vars[k] for k in a.indices[entries]]
+            body = LinearExpression(linear_coefs=a.data[entries].tolist(), linear_vars=variables)
             rhs = model.rhs[j]
             name, _, index = self._row_name(i).partition("[")
             if i in ranged:
@@ -174,7 +174,7 @@ class Pyomo:
         return self.standard.row_name(i) if i < n else f"lowered[{i - n}]"
 
     def _quadratics(self, pyo: Any) -> None:
-        state = {Cone: self._cone, Disc: self._disc}
+        statements = {Cone: self._cone, Disc: self._disc}
         for k, unrolled in self.standard.structures_of(SecondOrder).items():
             kind = type(unrolled.structure)
             rows = pyo.ConstraintList()
@@ -182,7 +182,7 @@ class Pyomo:
             args = [self._expressions(unrolled, m) for m in range(len(unrolled.matrices))]
             for i in range(unrolled.n):
                 limits = [limit[i] for limit in unrolled.limits]
-                rows.add(state[kind]([arg[i] for arg in args], limits))
+                rows.add(statements[kind]([arg[i] for arg in args], limits))
 
     def _cone(self, args: list[Any], limits: list[float]) -> Any:
         u, v, *xs = args
@@ -193,19 +193,20 @@ class Pyomo:
         return sum(x**2 for x in args) <= limits[0] ** 2
 
     def _expressions(self, unrolled: UnrolledStructure[Structure], k: int) -> list[Any]:
+        """One expression per element for the k-th argument."""
         m: sp.csr_array = unrolled.matrices[k]
-        found = []
+        expressions = []
         for i in range(unrolled.n):
-            at = slice(m.indptr[i], m.indptr[i + 1])
-            terms = zip(m.data[at], m.indices[at], strict=True)
-            found.append(sum(w * self._vars[j] for w, j in terms) + unrolled.consts[k][i])
-        return found
+            entries = slice(m.indptr[i], m.indptr[i + 1])
+            terms = zip(m.data[entries], m.indices[entries], strict=True)
+            expressions.append(sum(w * self._vars[j] for w, j in terms) + unrolled.consts[k][i])
+        return expressions
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
         """See `Backend.add_cuts`."""
         import pyomo.environ as pyo
 
-        columns, values = self.late.add(node, alpha, beta)
+        columns, values = self._later_cuts.add(node, alpha, beta)
         if not hasattr(self.model, "cuts"):
             self.model.cuts = pyo.ConstraintList()
         for rhs, row in zip(-np.asarray(alpha), values, strict=True):
@@ -305,7 +306,7 @@ def check_format(path: Path) -> None:
         )
 
 
-def _differ(old: Vectors | None, new: Vectors, *names: str) -> list[int]:
+def _differing(old: Vectors | None, new: Vectors, *names: str) -> list[int]:
     """Where some of the arrays `names` of two vectors differ; everywhere without old ones."""
     arrays = [getattr(new, name) for name in names]
     apart = np.full(len(arrays[0]), old is None)

@@ -21,7 +21,16 @@ from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split, S
 
 @dataclass(frozen=True)
 class Block:
-    """A named group of columns, data or rows: one entry per label."""
+    """A named group of columns or data: one entry per label.
+
+    Attributes:
+        name: as `ess.charge`.
+        labels: the devices, buses or lines it has an entry for.
+        start: id of the first entry; ids of variables and of data are counted apart.
+        unit: of the entries, as `MW`.
+        about: what it is, in words; may be empty.
+        kind: `variable`, `binary`, `now` for a state at the start of the step, or `data`.
+    """
 
     name: str
     labels: Labels
@@ -43,7 +52,14 @@ class Block:
 
 @dataclass(frozen=True)
 class Row:
-    """`expression == 0` or `expression <= 0`, one per label."""
+    """`expression == 0` or `expression <= 0`, one per label.
+
+    Attributes:
+        name: as `balance.p`.
+        labels: one per entry of the expression.
+        expression: columns and data.
+        equality: whether it is `== 0`.
+    """
 
     name: str
     labels: Labels
@@ -53,7 +69,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Cost:
-    """`sum(price * term)` in $ per step; the price is a number, an array, or data."""
+    """`sum(price * term)` in $ per step.
+
+    Attributes:
+        name: as `load.shed`.
+        term: what is paid for.
+        price: $ per unit of each entry, constant or data.
+    """
 
     name: str
     term: Affine
@@ -62,7 +84,23 @@ class Cost:
 
 @dataclass
 class Stage:
-    """One step of `dt` hours. `reactive` tells components whether reactive power is carried."""
+    """One step.
+
+    Attributes:
+        dt: its length, h.
+        reactive: whether reactive power is carried; components look here.
+        variables: blocks of columns, in the order of their ids.
+        datums: blocks of exogenous data, in the order of theirs.
+        rows: equations and inequalities.
+        costs: what is minimised.
+        penalties: terms that close relaxations when weighted slightly.
+        tiebreaks: columns and weights of |x| by which equally good points are told apart.
+        structures: the non-affine facts.
+        states: per state its block at the start of the step and at its end.
+        lower: per block of variables its lower bound, constant or data.
+        upper: likewise its upper bound.
+        integer: likewise whether it is integer.
+    """
 
     dt: float
     reactive: bool = False
@@ -89,7 +127,7 @@ class Stage:
     def var(
         self,
         name: str,
-        of: Sequence[str],
+        labels: Sequence[str],
         lower: Any = 0.0,
         upper: Any = np.inf,
         *,
@@ -98,9 +136,9 @@ class Stage:
         integer: bool = False,
         kind: str = "variable",
     ) -> Affine:
-        """One column per label of `of`, within bounds that may be data."""
-        self._fresh(name)
-        labels = tuple(of)
+        """One column per label, within bounds that may be data."""
+        self._check_fresh(name)
+        labels = tuple(labels)
         block = Block(name, labels, self._width(self.variables), unit, about, kind)
         self.variables.append(block)
         self.lower.append(self._data_only(lower, block))
@@ -108,14 +146,20 @@ class Stage:
         self.integer.append(integer)
         return self._remember(name, np.arange(block.start, block.start + block.n), labels)
 
-    def binary(self, name: str, of: Sequence[str], upper: Any = 1.0, *, about: str = "") -> Affine:
+    def binary(
+        self, name: str, labels: Sequence[str], upper: Any = 1.0, *, about: str = ""
+    ) -> Affine:
         """One 0/1 column per label."""
-        return self.var(name, of, 0.0, upper, unit="1", about=about, integer=True, kind="binary")
+        return self.var(
+            name, labels, 0.0, upper, unit="1", about=about, integer=True, kind="binary"
+        )
 
-    def data(self, name: str, of: Sequence[str], *, unit: str = "MW", about: str = "") -> Affine:
+    def data(
+        self, name: str, labels: Sequence[str], *, unit: str = "MW", about: str = ""
+    ) -> Affine:
         """Exogenous values, one per label: for bounds, right-hand sides and prices."""
-        self._fresh(name)
-        labels = tuple(of)
+        self._check_fresh(name)
+        labels = tuple(labels)
         block = Block(name, labels, self._width(self.datums), unit, about, "data")
         self.datums.append(block)
         return self._remember(name, ~np.arange(block.start, block.start + block.n), labels)
@@ -123,7 +167,7 @@ class Stage:
     def state(
         self,
         name: str,
-        of: Sequence[str],
+        labels: Sequence[str],
         lower: Any,
         upper: Any,
         *,
@@ -132,20 +176,19 @@ class Stage:
         integer: bool = False,
     ) -> tuple[Affine, Affine]:
         """Value at the start of the step and at its end; the bounds hold at the end."""
-        labels = tuple(of)
         now = self.var(name + ".now", labels, -np.inf, np.inf, unit=unit, about=about, kind="now")
         before = self.variables[-1]
         after = self.var(name, labels, lower, upper, unit=unit, about=about, integer=integer)
         self.states.append((before, self.variables[-1]))
         return now, after
 
-    def eq(self, name: str, left: Affine, right: Any = 0.0) -> None:
-        """`left == right` for every label of `left`."""
-        self._row(name, left - right, True)
+    def eq(self, name: str, x: Affine, right: Any = 0.0) -> None:
+        """`x == right` for every label of x."""
+        self._row(name, x - right, True)
 
-    def le(self, name: str, left: Affine, right: Any = 0.0) -> None:
-        """`left <= right` for every label of `left`."""
-        self._row(name, left - right, False)
+    def le(self, name: str, x: Affine, right: Any = 0.0) -> None:
+        """`x <= right` for every label of x."""
+        self._row(name, x - right, False)
 
     def cost(self, name: str, term: Affine, price: Any = 1.0) -> None:
         """Adds `sum(price * term)` $ per step under `name`; `price` may be data."""
@@ -167,7 +210,7 @@ class Stage:
     def split(
         self,
         name: str,
-        of: Sequence[str],
+        labels: Sequence[str],
         bounds: tuple[Any, Any],
         limits: tuple[ArrayLike, ArrayLike],
         *,
@@ -177,8 +220,8 @@ class Stage:
 
         `bounds` of the two may be data; `limits` are the constants they never exceed.
         """
-        pos = self.var(f"{name}.{parts[0]}", of, 0.0, bounds[0], about=f"power, {parts[0]}")
-        neg = self.var(f"{name}.{parts[1]}", of, 0.0, bounds[1], about=f"power, {parts[1]}")
+        pos = self.var(f"{name}.{parts[0]}", labels, 0.0, bounds[0], about=f"power, {parts[0]}")
+        neg = self.var(f"{name}.{parts[1]}", labels, 0.0, bounds[1], about=f"power, {parts[1]}")
         constants = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
         self.structure(Split, name, (pos, neg), constants)
         return pos, neg
@@ -250,7 +293,7 @@ class Stage:
         self._named[name] = Affine.of_ids(ids, labels)
         return self._named[name]
 
-    def _fresh(self, name: str) -> None:
+    def _check_fresh(self, name: str) -> None:
         if name in self._named:
             raise ValueError(f"{name!r} is declared twice in this stage")
 

@@ -163,14 +163,14 @@ class Form:
     @cached_property
     def upper_bounds(self) -> tuple[Floats, sp.csr_array]:
         """Of the own columns: (own columns,) constants and (own columns, data) slopes."""
-        part = slice(self.ends[0], self.ends[1])
-        return self.constants[part], self.slopes[part]
+        uppers = slice(self.ends[0], self.ends[1])
+        return self.constants[uppers], self.slopes[uppers]
 
     @cached_property
     def right_sides(self) -> tuple[Floats, sp.csr_array]:
         """Of the rows: (rows,) constants and (rows, data) slopes."""
-        part = slice(self.ends[1], self.ends[2])
-        return self.constants[part], self.slopes[part]
+        sides = slice(self.ends[1], self.ends[2])
+        return self.constants[sides], self.slopes[sides]
 
     def matrix(self, x: Affine) -> sp.csr_array:
         """Coefficients of the columns in expressions x, (x.n, columns)."""
@@ -181,11 +181,11 @@ def stage_form(stage: Stage) -> Form:
     """A stage in numbers."""
     numbering = _Numbering.of_stage(stage)
     matrix, n_columns = numbering.matrix, numbering.n_columns
-    own = [i for i, block in enumerate(stage.variables) if block.kind != "now"]
-    own_blocks = tuple(stage.variables[i] for i in own)
+    numbers = [i for i, block in enumerate(stage.variables) if block.kind != "now"]
+    own_blocks = tuple(stage.variables[i] for i in numbers)
     sizes = [row.expression.n for row in stage.rows]
     rows = _joined([row.expression for row in stage.rows])
-    bounds = [limits[i] for limits in (stage.lower, stage.upper) for i in own]
+    bounds = [limits[i] for limits in (stage.lower, stage.upper) for i in numbers]
     sides = _joined([*bounds, rows * -1.0])
     costs = tuple(numbering.cost(cost) for cost in stage.costs)
     prices = sum((cost.columns for cost in costs), np.zeros(n_columns))
@@ -205,7 +205,9 @@ def stage_form(stage: Stage) -> Form:
         a=matrix(rows).tocoo(),
         equality=np.repeat([row.equality for row in stage.rows], sizes).astype(bool),
         row_start=np.cumsum([0, *sizes]),
-        integer=np.repeat([stage.integer[i] for i in own], [b.n for b in own_blocks]).astype(bool),
+        integer=np.repeat([stage.integer[i] for i in numbers], [b.n for b in own_blocks]).astype(
+            bool
+        ),
         constants=np.concatenate([sides.const, prices]),
         slopes=sp.vstack([numbering.data_matrix(sides), prices_data], format="csr"),
         ends=np.cumsum([n_own, n_own, rows.n]),
@@ -231,10 +233,10 @@ class _Numbering:
     def of_stage(cls, stage: Stage) -> _Numbering:
         """The states' present values first, the other variables behind them."""
         before = [block for block, _ in stage.states]
-        own = [block for block in stage.variables if block.kind != "now"]
+        own_blocks = [block for block in stage.variables if block.kind != "now"]
         column_of_id = np.empty(stage.variables[-1].slice.stop if stage.variables else 0, np.intp)
         column = 0
-        for block in [*before, *own]:
+        for block in [*before, *own_blocks]:
             column_of_id[block.slice] = np.arange(column, column + block.n)
             column += block.n
         n_data = stage.datums[-1].slice.stop if stage.datums else 0

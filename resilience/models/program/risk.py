@@ -74,7 +74,7 @@ class Risk:
         """Whether anything but the mean counts."""
         return self.weight > 0.0
 
-    def of(self, cost: Floats, probability: Floats) -> float:
+    def value(self, cost: Floats, probability: Floats) -> float:
         """The objective of costs (scenarios,) in $; the probabilities add up to 1."""
         mean = float(probability @ cost)
         if not self.averse:

@@ -50,8 +50,8 @@ def value_at_risk(values: ArrayLike, alpha: float, probability: Floats | None = 
     order = np.argsort(x[likely])
     reached = np.cumsum(p[likely][order])
     # Sums of equal weights miss alpha by rounding: 0.1 * 9 is less than 0.9.
-    at = int(np.searchsorted(reached, alpha - PROBABILITY_TOLERANCE))
-    return float(x[likely][order][min(at, len(order) - 1)])
+    k = int(np.searchsorted(reached, alpha - PROBABILITY_TOLERANCE))
+    return float(x[likely][order][min(k, len(order) - 1)])
 
 
 def conditional_value_at_risk(

@@ -253,9 +253,9 @@ class Standard:
         for name, columns in self.initial.items():
             lower[columns] = upper[columns] = x0[name]
         for stage in self.copies:
-            d, own = self.stacked_data(data, stage), stage.own_columns
+            d, columns = self.stacked_data(data, stage), stage.own_columns
             low, high, sides, prices = stage.form.numbers(d)
-            lower[own], upper[own], rhs[stage.rows] = low.T, high.T, sides.T
+            lower[columns], upper[columns], rhs[stage.rows] = low.T, high.T, sides.T
             weight = self.tree.probability[stage.nodes]
             # A state's column stands in two nodes, at the end of one and the start of the next.
             cost += np.bincount(stage.columns.ravel(), (prices * weight).T.ravel(), n)
@@ -304,10 +304,10 @@ class Standard:
         if j < self.n_states + len(self.tree.leaves):
             return f"future[{self.tree.labels[self.tree.leaves[j - self.n_states]]}]"
         for stage in self.copies:
-            form, own = stage.form, stage.own_columns
-            k = np.searchsorted(own[:, 0], j, side="right") - 1 if own.size else -1
-            if k >= 0 and own[k, 0] <= j < own[k, 0] + form.n_own:
-                place = j - own[k, 0]
+            form, columns = stage.form, stage.own_columns
+            k = np.searchsorted(columns[:, 0], j, side="right") - 1 if columns.size else -1
+            if k >= 0 and columns[k, 0] <= j < columns[k, 0] + form.n_own:
+                place = j - columns[k, 0]
                 block = next(b for b in form.own_blocks if place in form.own_columns(b))
                 label = block.labels[place - form.own_columns(block).start]
                 return f"{block.name}[{label}, {self.tree.labels[stage.nodes[k]]}]"

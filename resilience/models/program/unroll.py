@@ -36,8 +36,8 @@ def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Sta
     copies = []
     for k, form in enumerate(forms):
         nodes = np.flatnonzero(tree.stage == k)
-        own = first_column[nodes, None] + np.arange(form.n_own)
-        columns = np.concatenate([state_ends[tree.parent[nodes]], own], axis=1)
+        own_columns = first_column[nodes, None] + np.arange(form.n_own)
+        columns = np.concatenate([state_ends[tree.parent[nodes]], own_columns], axis=1)
         rows = first_row[nodes, None] + np.arange(form.n_rows)
         copies.append(StageCopies(form, nodes, columns, rows))
     integer, equality = np.zeros(n_columns, bool), np.zeros(n_rows, bool)

@@ -47,7 +47,7 @@ def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> Two
     trunk, points = parted(two, whole, found.z)
     cost = costs(two, whole, found.z)
     chance = np.append([c.probability for c in two.chains], two.staying)
-    value = two.risk.of(cost, chance)
+    value = two.risk.value(cost, chance)
     bound = found.bound if solver.is_mip else solver.certified_bound(found)
     done = gap(value, bound) <= options.gap
     status: Status = "optimal" if done else "feasible"

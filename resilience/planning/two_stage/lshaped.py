@@ -106,7 +106,7 @@ def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoSt
             second = recourse.at(trial.states)
         cost = trial.spent.copy()
         cost[:-1] += second.cost
-        value = two.risk.of(cost, master.chance)
+        value = two.risk.value(cost, master.chance)
         if k == 0 and begun:
             start_cost = cost
         if best is None or value < best[0]:

@@ -78,7 +78,7 @@ def test_it_is_the_extensive_form(seed: int, risk: Risk) -> None:
     assert cut.bound <= cut.objective
     for found in (cut, whole):
         assert found.probability.sum() == pytest.approx(1.0)
-        assert risk.of(found.cost, found.probability) == pytest.approx(found.objective)
+        assert risk.value(found.cost, found.probability) == pytest.approx(found.objective)
 
 
 def test_a_start_changes_the_way_and_not_the_end() -> None:
@@ -86,7 +86,7 @@ def test_a_start_changes_the_way_and_not_the_end() -> None:
     states = np.full((two.trunk, 2), 0.4)
     found = lshaped(two, DecompositionOptions(gap=1e-9, start=states))
     assert found.start_cost is not None
-    assert two.risk.of(found.start_cost, found.probability) >= found.objective
+    assert two.risk.value(found.start_cost, found.probability) >= found.objective
     assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
 
 

@@ -217,7 +217,9 @@ def test_storms_that_leave_one_by_one(feeder: Case, risk: Risk) -> None:
     assert cut.mean_value_cost == pytest.approx(whole.mean_value_cost, rel=1e-7)
     assert cut.mean_value_cost is not None
     assert cut.mean_value_cost >= cut.stochastic_cost - 1e-9
-    assert risk.of(wait_and_see(program), program.distinct.probability) <= cut.solution.bound + 1e-6
+    assert (
+        risk.value(wait_and_see(program), program.distinct.probability) <= cut.solution.bound + 1e-6
+    )
 
 
 def test_lindistflow_costs_no_less_than_copperplate(feeder: Case) -> None:

@@ -20,8 +20,8 @@ def test_it_is_the_mean_and_the_tail(alpha: float) -> None:
     cost, p = rng.normal(size=40), rng.random(40)
     p /= p.sum()
     tail = conditional_value_at_risk(cost, alpha, p)
-    assert Risk(alpha, 0.3).of(cost, p) == pytest.approx(0.7 * (p @ cost) + 0.3 * tail)
-    assert Risk(alpha, 0.0).of(cost, p) == pytest.approx(p @ cost)
+    assert Risk(alpha, 0.3).value(cost, p) == pytest.approx(0.7 * (p @ cost) + 0.3 * tail)
+    assert Risk(alpha, 0.0).value(cost, p) == pytest.approx(p @ cost)
 
 
 def test_words_for_it() -> None:
