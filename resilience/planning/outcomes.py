@@ -126,8 +126,8 @@ def scenario_point(
     if chain < 0:
         z[full.future[0]] = solution.trunk[two.first.future[0]]
         return z
-    standard, point = two.programs[two.chains[chain].program], solution.points[chain]
-    branch_columns = own_columns(standard)[two.chains[chain].offset :]
+    standard, point = two.programs[two.branches[chain].program], solution.points[chain]
+    branch_columns = own_columns(standard)[two.branches[chain].offset :]
     for t, columns in enumerate(branch_columns, leaves):
         z[full_columns[t]] = point[columns]
     z[full.future[0]] = point[standard.future[0]]

@@ -115,19 +115,19 @@ def wait_and_see(program: ScenarioProgram) -> Floats:
     """(distinct scenarios,) proven bounds in $ on what each costs, known from the start."""
     two_stage = scenario_program(program.microgrid, program.distinct, common_slots=0).two_stage
     x0 = np.concatenate([np.empty(0), *(two_stage.x0[name] for name in two_stage.first.initial)])
-    starts = np.tile(x0, (len(two_stage.chains), 1))
+    starts = np.tile(x0, (len(two_stage.branches), 1))
     with phase("clairvoyant bound"):
-        second = Recourse(two_stage, workers=os.cpu_count() or 1).at(starts)
+        second = Recourse(two_stage, workers=os.cpu_count() or 1).solve(starts)
     return np.minimum(second.alpha + second.beta @ x0, second.cost)
 
 
 def costs_of(two_stage: TwoStage, states: Floats) -> Floats | None:
     """(scenarios,) $ with a trunk that passes through states (trunk nodes, states), if it can."""
-    trial = Master(two_stage).held_at(states)
+    trial = Master(two_stage).trunk_through(states)
     if trial is None:
         return None
     cost = trial.spent.copy()
-    cost[:-1] += Recourse(two_stage, workers=os.cpu_count() or 1).at(trial.states).cost
+    cost[:-1] += Recourse(two_stage, workers=os.cpu_count() or 1).solve(trial.states).cost
     return cost
 
 
@@ -182,8 +182,8 @@ def _with_modes_held(
             time_limit=max(deadline.remaining_s, 1.0),
             start=solution.trunk[np.array(ends, np.intp)],
             discs="inner",
-            held=np.concatenate([np.empty(0, np.intp), *trunk_columns]),
-            holds={k: np.concatenate(columns) for k, columns in branch_columns.items()},
+            idle_trunk=np.concatenate([np.empty(0, np.intp), *trunk_columns]),
+            idle_branches={k: np.concatenate(columns) for k, columns in branch_columns.items()},
         )
         try:
             with phase("modes", f"round {k + 1}"):
@@ -196,7 +196,7 @@ def _with_modes_held(
 def _pieces(two_stage: TwoStage, solution: TwoStageSolution) -> dict[int, tuple[Standard, Floats]]:
     """The trunk as -1 and every chain by its number, with what it is a point of."""
     pieces = {-1: (two_stage.first, solution.trunk)}
-    for k, (chain, z) in enumerate(zip(two_stage.chains, solution.points, strict=True)):
+    for k, (chain, z) in enumerate(zip(two_stage.branches, solution.points, strict=True)):
         pieces[k] = two_stage.programs[chain.program], z
     return pieces
 

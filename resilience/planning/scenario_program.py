@@ -76,10 +76,10 @@ class ScenarioProgram:
 
     Attributes:
         microgrid: the microgrid that is planned for.
-        two_stage: trunk, chains and data.
+        two_stage: trunk, branches and data.
         distinct: the scenarios, each kept once.
         leaves: (distinct scenarios,) slot in which each leaves the trunk.
-        chain: (distinct scenarios,) index in `two_stage.chains` of each, -1 for the one that stays.
+        chain: (distinct scenarios,) index in `two_stage.branches` of each, -1 for the one that stays.
         slot: (nodes of the tree,) slot of every node.
     """
 

@@ -20,10 +20,10 @@ from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStage
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
-SHOWN = 6  # names of conflicting rows in an error
+MAX_LISTED = 6  # names of conflicting rows in an error
 
 
-def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
+def extensive(two_stage: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
     """Solves a two-stage program as one, modes relaxed, integers held.
 
     Raises:
@@ -31,101 +31,118 @@ def extensive(two: TwoStage, options: DecompositionOptions | None = None) -> Two
         SolverError: no point was found in time.
     """
     options = options or DecompositionOptions()
-    whole = two.whole()
-    lowered = lower(whole, modes={}, discs=options.discs)
+    standard, risk = two_stage.extensive_form(), two_stage.risk
+    lowered = lower(standard, modes={}, discs=options.discs)
     limits: dict[str, Any] = {"time_limit": options.time_limit, "gap": options.gap}
-    averse = RiskAverse(lowered, two.risk, **limits) if two.risk.averse else None
+    averse = RiskAverse(lowered, risk, **limits) if risk.averse else None
     if averse is not None:
-        averse.price(two.data_of(np.arange(two.tree.n)))
+        averse.price(two_stage.data_of(np.arange(two_stage.tree.n)))
     solver = averse or Highs(lowered, **limits)
-    vectors = whole.vectors(two.data, two.x0)
-    with phase("extensive form", f"{whole.n_rows} rows, {whole.n_columns} columns"):
-        solver.update(_held(two, whole, vectors, options))
-        found = solver.solve()
-    if found.z is None:
-        raise _none(solver, found)
-    trunk, points = parted(two, whole, found.z)
-    cost = costs(two, whole, found.z)
-    chance = np.append([c.probability for c in two.chains], two.staying)
-    value = two.risk.value(cost, chance)
-    bound = found.bound if solver.is_mip else solver.certified_bound(found)
+    vectors = standard.vectors(two_stage.data, two_stage.x0)
+    with phase("extensive form", f"{standard.n_rows} rows, {standard.n_columns} columns"):
+        solver.update(_with_idle_columns(two_stage, standard, vectors, options))
+        solution = solver.solve()
+    if solution.z is None:
+        raise _no_plan(solver, solution)
+    trunk, points = trunk_and_branches(two_stage, standard, solution.z)
+    cost = costs(two_stage, standard, solution.z)
+    probability = np.append([b.probability for b in two_stage.branches], two_stage.staying)
+    value = risk.value(cost, probability)
+    bound = solution.bound if solver.is_mip else solver.certified_bound(solution)
     done = gap(value, bound) <= options.gap
     status: Status = "optimal" if done else "feasible"
-    return TwoStageSolution(status, trunk, points, cost, chance, value, min(bound, value))
+    return TwoStageSolution(status, trunk, points, cost, probability, value, min(bound, value))
 
 
 def own_columns(standard: Standard) -> list[Ints]:
-    """Columns that every node has for itself."""
+    """Per node, the columns that it has for itself."""
     columns: list[Ints] = [np.empty(0, np.intp)] * standard.tree.n
     for stage in standard.copies:
-        for node, own in zip(stage.nodes, stage.own_columns, strict=True):
-            columns[node] = own
+        for node, of_node in zip(stage.nodes, stage.own_columns, strict=True):
+            columns[node] = of_node
     return columns
 
 
-def parted(two: TwoStage, whole: Standard, z: Floats) -> tuple[Floats, list[Floats]]:
-    """A point of the extensive form as one of the trunk and one of every chain's program."""
-    own = own_columns(whole)
-    future = dict(zip(whole.tree.leaves.tolist(), whole.future.tolist(), strict=True))
-    first, n = two.first, two.first.n_states
+def trunk_and_branches(
+    two_stage: TwoStage, extensive_form: Standard, z: Floats
+) -> tuple[Floats, list[Floats]]:
+    """A point of the extensive form as one of the trunk and one of every branch's program."""
+    columns = own_columns(extensive_form)
+    leaves = extensive_form.tree.leaves.tolist()
+    future = dict(zip(leaves, extensive_form.future.tolist(), strict=True))
+    first, n = two_stage.first, two_stage.first.n_states
     trunk = np.zeros(first.n_columns)
     trunk[:n] = z[:n]
-    for node, columns in enumerate(own_columns(first)):
-        trunk[columns] = z[own[node]]
-    if two.trunk - 1 in future:
-        trunk[first.future[0]] = z[future[two.trunk - 1]]
-    inside = [own_columns(program) for program in two.programs]
+    for node, inside in enumerate(own_columns(first)):
+        trunk[inside] = z[columns[node]]
+    if two_stage.trunk - 1 in future:
+        trunk[first.future[0]] = z[future[two_stage.trunk - 1]]
+    program_columns = [own_columns(program) for program in two_stage.programs]
     points = []
-    for chain in two.chains:
-        program = two.programs[chain.program]
+    for branch in two_stage.branches:
+        program = two_stage.programs[branch.program]
         point = np.zeros(program.n_columns)
-        for step, node in enumerate(chain.nodes, chain.offset):
-            point[inside[chain.program][step]] = z[own[node]]
-        link = program.state_columns(chain.offset - 1) if chain.offset else np.arange(n)
-        point[link] = z[whole.state_columns(chain.leaves)] if chain.leaves >= 0 else z[:n]
-        point[program.future[0]] = z[future[int(chain.nodes[-1])]]
+        for step, node in enumerate(branch.nodes, branch.offset):
+            point[program_columns[branch.program][step]] = z[columns[node]]
+        link = program.state_columns(branch.offset - 1) if branch.offset else np.arange(n)
+        begins_at_start = branch.trunk_node < 0
+        start = np.arange(n) if begins_at_start else extensive_form.state_columns(branch.trunk_node)
+        point[link] = z[start]
+        point[program.future[0]] = z[future[int(branch.nodes[-1])]]
         points.append(point)
     return trunk, points
 
 
-def costs(two: TwoStage, whole: Standard, z: Floats) -> Floats:
-    """(chains + 1,) $ of every scenario at a point of the extensive form, that of staying last."""
-    prices, offset = node_prices(whole, two.data_of(np.arange(two.tree.n)))
-    each = prices @ z + offset
-    spent = np.append(np.cumsum(each[: two.trunk]), 0.0)
-    found = [spent[c.leaves] + each[c.nodes].sum() for c in two.chains]
-    return np.append(found, spent[two.trunk - 1])
+def costs(two_stage: TwoStage, extensive_form: Standard, z: Floats) -> Floats:
+    """(branches + 1,) $ of every scenario at a point of the extensive form, staying last."""
+    prices, offset = node_prices(extensive_form, two_stage.data_of(np.arange(two_stage.tree.n)))
+    node_cost = prices @ z + offset
+    # The last entry is what is spent before the start, where a branch may begin: at node -1.
+    spent = np.append(np.cumsum(node_cost[: two_stage.trunk]), 0.0)
+    branch_costs = [spent[b.trunk_node] + node_cost[b.nodes].sum() for b in two_stage.branches]
+    return np.append(branch_costs, spent[two_stage.trunk - 1])
 
 
-def _held(
-    two: TwoStage, whole: Standard, vectors: Vectors, options: DecompositionOptions
+def _with_idle_columns(
+    two_stage: TwoStage, extensive_form: Standard, vectors: Vectors, options: DecompositionOptions
 ) -> Vectors:
-    """Columns held in the trunk and in chains, at zero."""
-    own = own_columns(whole)
+    """The vectors with the columns at zero that the options hold in the trunk and in branches."""
+    own = own_columns(extensive_form)
     columns = [np.empty(0, np.intp)]
-    if options.held is not None:
-        columns += _same(own_columns(two.first), own, options.held, range(two.trunk))
-    for k, held in options.holds.items():
-        chain = two.chains[k]
-        inside = own_columns(two.programs[chain.program])[chain.offset :]
-        columns += _same(inside, own, held, chain.nodes)
-    at = np.concatenate(columns)
-    return vectors.fixed(at, np.zeros(len(at)))
+    if options.idle_trunk is not None:
+        trunk_nodes = range(two_stage.trunk)
+        columns += _matching(own_columns(two_stage.first), own, options.idle_trunk, trunk_nodes)
+    for k, idle in options.idle_branches.items():
+        branch = two_stage.branches[k]
+        inside = own_columns(two_stage.programs[branch.program])[branch.offset :]
+        columns += _matching(inside, own, idle, branch.nodes)
+    idle_columns = np.concatenate(columns)
+    return vectors.fixed(idle_columns, np.zeros(len(idle_columns)))
 
 
-def _same(inside: list[Ints], whole: list[Ints], held: Ints, nodes: Ints | range) -> list[Ints]:
-    """Columns `held` of a part where the whole has them, node by node."""
+def _matching(
+    inside: list[Ints], outside: list[Ints], columns: Ints, nodes: Ints | range
+) -> list[Ints]:
+    """Columns of a smaller program where the extensive form has them, node by node.
+
+    Args:
+        inside: per node of the smaller program, its columns there.
+        outside: per node of the extensive form, its columns there.
+        columns: of the smaller program.
+        nodes: of the extensive form that the smaller program's nodes are.
+    """
     return [
-        whole[node][np.isin(columns, held)] for columns, node in zip(inside, nodes, strict=True)
+        outside[node][np.isin(of_node, columns)]
+        for of_node, node in zip(inside, nodes, strict=True)
     ]
 
 
-def _none(solver: Highs, found: Solution) -> InfeasibleError | SolverError:
-    if found.status != "infeasible":
+def _no_plan(solver: Highs, solution: Solution) -> InfeasibleError | SolverError:
+    if solution.status != "infeasible":
         return SolverError("HiGHS found no plan in time", hint="raise --time-limit")
     names = grouped(solver.conflict())
     return InfeasibleError(
         "no plan satisfies all scenarios; in conflict: "
-        + (", ".join(names[:SHOWN]) or "no small set of rows could be named"),
+        + (", ".join(names[:MAX_LISTED]) or "no small set of rows could be named"),
         hint="let PV be curtailed, or leave the scenario out that is named",
     )

@@ -25,7 +25,7 @@ from resilience.models.backends.base import Status
 from resilience.models.methods.answer import Deadline, gap
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.master import Master, Trial
-from resilience.planning.two_stage.recourse import Recourse, Second
+from resilience.planning.two_stage.recourse import Recourse, SecondStage
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 from resilience.tolerances import SCENARIO_GAP
@@ -38,14 +38,14 @@ class TwoStageSolution:
     """A two-stage program, solved.
 
     Attributes:
-        status: optimal (within the gap asked for) or feasible.
+        status: optimal (within the gap wanted) or feasible.
         trunk: values of the trunk's columns.
-        points: values of every chain in the columns of its program; steps before it are zero.
-        cost: (chains + 1,) $ of every scenario, the one that stays on the trunk last.
-        probability: (chains + 1,) of each.
+        points: values of every branch in the columns of its program; steps before it are zero.
+        cost: (branches + 1,) $ of every scenario, the one that stays on the trunk last.
+        probability: (branches + 1,) of every scenario.
         objective: of the risk over these costs, $.
         bound: proven lower bound, $.
-        start_cost: (chains + 1,) $ with the trunk that the search began from, where one was given.
+        start_cost: (branches + 1,) $ with the trunk that the search began from, if it had one.
         iterations: how often the second stage was solved.
     """
 
@@ -70,8 +70,8 @@ class DecompositionOptions:
         workers: threads that solve scenarios.
         start: (trunk nodes, states) of a trunk to begin from.
         discs: polygons within the discs or around them.
-        held: columns of the trunk to hold at zero.
-        holds: per chain, columns of its program to hold at zero.
+        idle_trunk: columns of the trunk to hold at zero (modes to keep to).
+        idle_branches: by the index of a branch, columns of its program to hold at zero.
     """
 
     gap: float = SCENARIO_GAP
@@ -79,11 +79,11 @@ class DecompositionOptions:
     workers: int = 1
     start: Floats | None = None
     discs: Discs = "outer"
-    held: Ints | None = None
-    holds: dict[int, Ints] = field(default_factory=dict)
+    idle_trunk: Ints | None = None
+    idle_branches: dict[int, Ints] = field(default_factory=dict)
 
 
-def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
+def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
     """Solves a two-stage program, integers and modes relaxed.
 
     Raises:
@@ -91,27 +91,29 @@ def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoSt
         SolverError: the solver failed.
     """
     options = options or DecompositionOptions()
-    clock = Deadline(options.time_limit)
-    master = Master(two, held=options.held, discs=options.discs)
-    recourse = Recourse(two, holds=options.holds, discs=options.discs, workers=options.workers)
-    trial = None if options.start is None else master.held_at(options.start)
-    begun = trial is not None
+    deadline = Deadline(options.time_limit)
+    master = Master(two_stage, idle=options.idle_trunk, discs=options.discs)
+    recourse = Recourse(
+        two_stage, idle=options.idle_branches, discs=options.discs, workers=options.workers
+    )
+    trial = None if options.start is None else master.trunk_through(options.start)
+    has_start = trial is not None
     trial = trial or master.solve()
-    best: tuple[float, Trial, Second, Floats] | None = None
+    best: tuple[float, Trial, SecondStage, Floats] | None = None
     bound, start_cost = -np.inf, None
     for k in range(ROUNDS):
         with phase(
             "scenarios", f"round {k + 1}" + ("" if best is None else _so_far(best[0], bound))
         ):
-            second = recourse.at(trial.states)
+            second = recourse.solve(trial.states)
         cost = trial.spent.copy()
         cost[:-1] += second.cost
-        value = two.risk.value(cost, master.chance)
-        if k == 0 and begun:
+        value = two_stage.risk.value(cost, master.probability)
+        if k == 0 and has_start:
             start_cost = cost
         if best is None or value < best[0]:
             best = value, trial, second, cost
-        if gap(best[0], bound) <= options.gap or (clock.remaining_s <= 0 and np.isfinite(bound)):
+        if gap(best[0], bound) <= options.gap or (deadline.remaining_s <= 0 and np.isfinite(bound)):
             break
         master.add(second)
         with phase("first stage"):
@@ -128,7 +130,7 @@ def lshaped(two: TwoStage, options: DecompositionOptions | None = None) -> TwoSt
         trial.z,
         second.points,
         cost,
-        master.chance,
+        master.probability,
         value,
         min(bound, value),
         start_cost,

@@ -1,18 +1,18 @@
-"""What the second stage costs from given states, and its slopes: one warm HiGHS for all chains.
+"""What the second stage costs from some states, and its slopes: one warm HiGHS for all branches.
 
-Chains of the same steps share a program that is solved again and again by changing bounds, at first
-from the basis of the chain before, later from the chain's own. A chain that begins in the midst of
-it has the steps before held at zero and their rows let go. Chains lie in the order given, cut into
-a fixed number of parts with a solver each, so that parts may be solved side by side and the result
-does not depend on how many are.
+Branches of the same steps share a program that is solved again and again by changing bounds, at
+first from the basis of the branch before, later from the branch's own. A branch that begins in the
+midst of it has the steps before held at zero and their rows let go. Branches lie in the order of
+the tree, cut into a fixed number of batches with a solver each, so that batches may be solved side
+by side and the result does not depend on how many are.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +21,7 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
+from resilience.models.backends.highs_model import Basis
 from resilience.models.backends.lower import lower
 from resilience.models.methods.explain import grouped
 from resilience.models.program.dual_bound import safe_cut
@@ -28,20 +29,21 @@ from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.two_stage import ScenarioBranch, TwoStage
 
-PARTS = 4  # solvers side by side, whatever the number of workers
-CHAINS_OF_A_PART = 16  # fewer are not worth a cold start
-SHOWN = 6  # names of conflicting rows in an error
+BATCHES = 4  # solvers side by side, whatever the number of workers
+BRANCHES_OF_A_BATCH = 16  # fewer are not worth a cold start
+MAX_LISTED = 6  # names of conflicting rows in an error
 FIELDS = ("cost", "lower", "upper", "row_lower", "row_upper")
 
 
 @dataclass(frozen=True)
-class Second:
+class SecondStage:
     """The second stage at some states.
 
     Attributes:
-        cost: (chains,) $.
-        alpha, beta: (chains,), (chains, states) cuts: cost >= alpha + beta @ state, everywhere.
-        points: values of every chain in the columns of its program; steps before it are zero.
+        cost: (branches,) $.
+        alpha: (branches,) $, constants of cuts: cost >= alpha + beta @ state, everywhere.
+        beta: (branches, states) their slopes, $ per unit of each state.
+        points: values of every branch in the columns of its program; steps before it are zero.
     """
 
     cost: Floats
@@ -50,30 +52,55 @@ class Second:
     points: list[Floats]
 
 
+@dataclass(frozen=True)
+class _BranchSolution:
+    """One branch, solved: cost in $, its cut, and its point; see `SecondStage`."""
+
+    cost: float
+    alpha: float
+    beta: Floats
+    point: Floats
+
+
 @dataclass
 class _BranchProgram:
-    """A program of one kind of chain, and the numbers of the first chain that fills it."""
+    """A program of one kind of branch.
+
+    Attributes:
+        standard: the program.
+        base: the numbers of the first branch that fills it.
+        first_column: (steps,) first column that each step has for itself.
+        first_row: (steps,) first row of each step.
+    """
 
     standard: Standard
     base: Vectors
     first_column: Ints
     first_row: Ints
 
-    def frozen(self, v: Vectors, offset: int) -> None:
+    def freeze(self, v: Vectors, offset: int) -> None:
         """Holds the steps before `offset` at zero, in place."""
         s = self.standard.n_states
-        own = slice(s + 1, self.first_column[offset])
+        columns = slice(s + 1, self.first_column[offset])
         rows = slice(0, self.first_row[offset])
         for array in (v.cost, v.lower, v.upper):
-            array[:s] = array[own] = 0.0
+            array[:s] = array[columns] = 0.0
         v.row_lower[rows], v.row_upper[rows] = -np.inf, np.inf
 
 
 @dataclass(frozen=True)
-class _Given:
-    """One chain in numbers: how its vectors differ from its program's, and where it begins."""
+class _BranchNumbers:
+    """How the vectors of a branch differ from its program's, and where it begins.
 
-    chain: ScenarioBranch
+    Attributes:
+        branch: the branch.
+        link: (states,) columns that hold the states it begins with.
+        now_price: (states,) prices of these columns.
+        offset: $ that its steps cost whatever is done.
+        differs: by field of `Vectors`, places and values.
+    """
+
+    branch: ScenarioBranch
     link: Ints
     now_price: Floats
     offset: float
@@ -84,138 +111,141 @@ class Recourse:
     """The second stage of a two-stage program.
 
     Args:
-        two: the program.
-        holds: per chain, columns of its program to hold at zero (modes to keep to).
+        two_stage: the program.
+        idle: by the index of a branch, columns of its program to hold at zero (modes to keep to).
         discs: polygons within the discs or around them.
         workers: threads.
     """
 
     def __init__(
         self,
-        two: TwoStage,
+        two_stage: TwoStage,
         *,
-        holds: dict[int, Ints] | None = None,
+        idle: Mapping[int, Ints] | None = None,
         discs: Discs = "outer",
         workers: int = 1,
     ) -> None:
-        self.two, self.workers, self.holds = two, workers, holds or {}
-        self._programs = [self._program(k) for k in range(len(two.programs))]
-        self._given = [self._numbers(chain) for chain in two.chains]
-        lowered = [lower(p, integer="none", modes={}, discs=discs) for p in two.programs]
+        self.two_stage, self.workers, self.idle = two_stage, workers, idle or {}
+        self._programs = [self._program(k) for k in range(len(two_stage.programs))]
+        self._numbers = [self._branch_numbers(branch) for branch in two_stage.branches]
+        lowered = [lower(p, integer="none", modes={}, discs=discs) for p in two_stage.programs]
         self._transposed = [sp.csr_array(program.a.T) for program in lowered]
-        count = max(min(PARTS, len(two.chains) // CHAINS_OF_A_PART), 1)
-        cuts = np.linspace(0, len(two.chains), count + 1).astype(int)
-        self._parts = [range(a, b) for a, b in pairwise(cuts)]
-        self._solvers = [[Highs(program) for program in lowered] for _ in self._parts]
-        # A chain's own last basis is a few pivots away; that of its neighbour, some hundred.
-        self._bases: list[Any] = [None] * len(two.chains)
+        n = len(two_stage.branches)
+        count = max(min(BATCHES, n // BRANCHES_OF_A_BATCH), 1)
+        self._batches = [range(a, b) for a, b in pairwise(np.linspace(0, n, count + 1).astype(int))]
+        self._solvers = [[Highs(program) for program in lowered] for _ in self._batches]
+        # A branch's own last basis is a few pivots away; that of its neighbour, some hundred.
+        self._bases: list[Basis | None] = [None] * n
 
-    def at(self, states: Floats) -> Second:
-        """Solves every chain from its state, (chains, states).
+    def solve(self, states: Floats) -> SecondStage:
+        """Solves every branch from its state, (branches, states).
 
         Raises:
             InfeasibleError: a scenario has no recourse there; it is named.
             SolverError: a solver stopped without an answer.
         """
-        n = len(self._given)
-        found: list[tuple[float, float, Floats, Floats]] = [None] * n  # type: ignore[list-item]
 
-        def solve(part: int) -> None:
-            for k in self._parts[part]:
-                found[k] = self._solved(k, self._solvers[part], states[k])
+        def solve_batch(k: int) -> list[_BranchSolution]:
+            return [self._solved(b, self._solvers[k], states[b]) for b in self._batches[k]]
 
-        if self.workers > 1 and len(self._parts) > 1:
+        batches = range(len(self._batches))
+        if self.workers > 1 and len(batches) > 1:
             with ThreadPoolExecutor(self.workers) as pool:
-                list(pool.map(solve, range(len(self._parts))))
+                solutions = [s for batch in pool.map(solve_batch, batches) for s in batch]
         else:
-            for part in range(len(self._parts)):
-                solve(part)
-        cost, alpha, beta, points = zip(*found, strict=True) if n else ((), (), (), ())
-        width = len(states[0]) if n else 0
-        return Second(np.array(cost), np.array(alpha), np.reshape(beta, (n, width)), list(points))
+            solutions = [s for k in batches for s in solve_batch(k)]
+        n, width = len(solutions), states.shape[1] if solutions else 0
+        return SecondStage(
+            np.array([s.cost for s in solutions]),
+            np.array([s.alpha for s in solutions]),
+            np.reshape([s.beta for s in solutions], (n, width)),
+            [s.point for s in solutions],
+        )
 
     def _program(self, k: int) -> _BranchProgram:
-        standard = self.two.programs[k]
-        longest = next(c for c in self.two.chains if c.program == k and c.offset == 0)
-        heads = np.empty((standard.tree.n, 2), np.intp)
+        standard = self.two_stage.programs[k]
+        branches = self.two_stage.branches
+        longest = next(b for b in branches if b.program == k and b.offset == 0)
+        first_column, first_row = np.empty((2, standard.tree.n), np.intp)
         for stage in standard.copies:
-            heads[stage.nodes, 0] = stage.own_columns[:, 0]
-            heads[stage.nodes, 1] = stage.rows[:, 0]
-        base = standard.vectors(self.two.data_of(longest.nodes), _nothing(standard))
-        return _BranchProgram(standard, base, heads[:, 0], heads[:, 1])
+            first_column[stage.nodes] = stage.own_columns[:, 0]
+            first_row[stage.nodes] = stage.rows[:, 0]
+        base = standard.vectors(self.two_stage.data_of(longest.nodes), _zero_states(standard))
+        return _BranchProgram(standard, base, first_column, first_row)
 
-    def _numbers(self, chain: ScenarioBranch) -> _Given:
-        """What distinguishes a chain from the longest of its program, in its own steps."""
-        program, standard = self._programs[chain.program], self.two.programs[chain.program]
-        at = np.zeros(standard.tree.n, np.intp)
-        at[: chain.offset] = chain.nodes[0]
-        at[chain.offset :] = chain.nodes
-        data = self.two.data_of(at)
-        v = standard.vectors(data, _nothing(standard))
-        column, row = program.first_column[chain.offset], program.first_row[chain.offset]
+    def _branch_numbers(self, branch: ScenarioBranch) -> _BranchNumbers:
+        """What distinguishes a branch from the longest of its program, in its own steps."""
+        program, standard = self._programs[branch.program], self.two_stage.programs[branch.program]
+        nodes = np.zeros(standard.tree.n, np.intp)
+        nodes[: branch.offset] = branch.nodes[0]
+        nodes[branch.offset :] = branch.nodes
+        data = self.two_stage.data_of(nodes)
+        v = standard.vectors(data, _zero_states(standard))
+        column, row = program.first_column[branch.offset], program.first_row[branch.offset]
         differs = {}
         for name in FIELDS:
-            new, old = getattr(v, name), getattr(program.base, name)
-            where = np.flatnonzero(new != old)
+            new, base = getattr(v, name), getattr(program.base, name)
+            where = np.flatnonzero(new != base)
             where = where[where >= (row if name.startswith("row") else column)]
             differs[name] = where, new[where]
-        now, offset = _constants(standard, data, chain.offset)
-        before = chain.offset - 1
-        link = standard.state_columns(before) if chain.offset else np.arange(standard.n_states)
-        return _Given(chain, link, now, offset, differs)
+        now_price, offset = _now_price_and_offset(standard, data, branch.offset)
+        before = branch.offset - 1
+        link = standard.state_columns(before) if branch.offset else np.arange(standard.n_states)
+        return _BranchNumbers(branch, link, now_price, offset, differs)
 
     def _vectors(self, k: int, state: Floats) -> Vectors:
-        given = self._given[k]
-        program = self._programs[given.chain.program]
+        numbers = self._numbers[k]
+        program = self._programs[numbers.branch.program]
         arrays = {name: getattr(program.base, name).copy() for name in FIELDS}
-        for name, (where, values) in given.differs.items():
+        for name, (where, values) in numbers.differs.items():
             arrays[name][where] = values
-        v = Vectors(offset=given.offset, **arrays)
-        program.frozen(v, given.chain.offset)
-        v.lower[given.link] = v.upper[given.link] = state
-        v.cost[given.link] = given.now_price
-        held = self.holds.get(k)
-        if held is not None:
-            v.lower[held] = v.upper[held] = 0.0
+        v = Vectors(offset=numbers.offset, **arrays)
+        program.freeze(v, numbers.branch.offset)
+        v.lower[numbers.link] = v.upper[numbers.link] = state
+        v.cost[numbers.link] = numbers.now_price
+        idle = self.idle.get(k)
+        if idle is not None:
+            v.lower[idle] = v.upper[idle] = 0.0
         return v
 
-    def _solved(
-        self, k: int, solvers: list[Highs], state: Floats
-    ) -> tuple[float, float, Floats, Floats]:
-        given = self._given[k]
-        solver, v = solvers[given.chain.program], self._vectors(k, state)
-        if self._bases[k] is not None:
-            solver.resume_at(self._bases[k])
+    def _solved(self, k: int, solvers: list[Highs], state: Floats) -> _BranchSolution:
+        numbers, basis = self._numbers[k], self._bases[k]
+        solver, v = solvers[numbers.branch.program], self._vectors(k, state)
+        if basis is not None:
+            solver.resume_at(basis)
         solver.update(v)
-        found = solver.solve()
+        solution = solver.solve()
         self._bases[k] = solver.basis()
-        if found.z is None or found.status != "optimal":
-            raise self._none(k, solver, found)
-        assert found.duals is not None
-        whole = solver.lowered.vectors(v)
-        transposed = self._transposed[given.chain.program]
-        alpha, beta = safe_cut(transposed, whole, found.duals.rows, given.link)
+        if solution.z is None or solution.status != "optimal" or solution.duals is None:
+            raise self._no_recourse(k, solver, solution)
+        transposed = self._transposed[numbers.branch.program]
+        lowered = solver.lowered.vectors(v)
+        alpha, beta = safe_cut(transposed, lowered, solution.duals.rows, numbers.link)
         if not np.isfinite(alpha):
-            alpha = found.objective - float(beta @ state)
-        return found.objective, alpha, beta, found.z
+            alpha = solution.objective - float(beta @ state)
+        return _BranchSolution(solution.objective, alpha, beta, solution.z)
 
-    def _none(self, k: int, solver: Highs, found: Solution) -> InfeasibleError | SolverError:
-        label = self.two.tree.labels[self._given[k].chain.nodes[0]]
-        if found.status != "infeasible":
+    def _no_recourse(
+        self, k: int, solver: Highs, solution: Solution
+    ) -> InfeasibleError | SolverError:
+        label = self.two_stage.tree.labels[self._numbers[k].branch.nodes[0]]
+        if solution.status != "infeasible":
             return SolverError(f"HiGHS found no recourse from {label!r} on", hint="report the case")
         names = grouped(solver.conflict())
         return InfeasibleError(
             f"there is no recourse from {label!r} on; in conflict: "
-            + (", ".join(names[:SHOWN]) or "no small set of rows could be named"),
+            + (", ".join(names[:MAX_LISTED]) or "no small set of rows could be named"),
             hint="let PV be curtailed, or solve the extensive form, which steers clear of it",
         )
 
 
-def _nothing(standard: Standard) -> dict[str, Floats]:
-    return {name: np.zeros(len(at)) for name, at in standard.initial.items()}
+def _zero_states(standard: Standard) -> dict[str, Floats]:
+    return {name: np.zeros(len(columns)) for name, columns in standard.initial.items()}
 
 
-def _constants(standard: Standard, data: dict[str, Floats], start: int) -> tuple[Floats, float]:
+def _now_price_and_offset(
+    standard: Standard, data: dict[str, Floats], start: int
+) -> tuple[Floats, float]:
     """Prices of the states that the step `start` begins with, and what the steps from it on cost
     whatever is done, in $.
     """

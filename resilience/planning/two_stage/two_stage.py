@@ -1,11 +1,11 @@
-r"""Two-stage programs: a trunk of decisions common to all scenarios, and a chain for each of them.
+r"""Two-stage programs: a trunk of decisions common to all scenarios, and a branch for each of them.
 
 $$ \min_x \; \rho\left(c(x) + Q_s(x)\right), \qquad
    Q_s(x) = \min_y \left\{ q_s^\top y : W y = h_s - T x,\ y \le u_s \right\} $$
 
 The trunk is what is decided now: it runs on as long as nothing has told one scenario from another.
 A scenario leaves it at the end of some node, with the state that the trunk has there, and from then
-on knows its own future. `tree` holds the trunk first, then chain by chain, so the same program is
+on knows its own future. `tree` holds the trunk first, then branch by branch, so the same program is
 solved in one piece (`extensive`) or cut at the trunk (`resilience.planning.two_stage.lshaped`).
 """
 
@@ -33,14 +33,14 @@ class ScenarioBranch:
     """The second stage of a scenario.
 
     Attributes:
-        leaves: node of the trunk at whose end it begins, -1: at the start.
-        nodes: its nodes in the tree.
+        trunk_node: node of the trunk at whose end it begins, -1: at the start.
+        nodes: (steps,) its nodes in the tree.
         probability: of the scenario.
         program: which of `TwoStage.programs` holds it.
         offset: the first of that program's nodes that belongs to it.
     """
 
-    leaves: int
+    trunk_node: int
     nodes: Ints
     probability: float
     program: int
@@ -49,14 +49,15 @@ class ScenarioBranch:
 
 @dataclass(frozen=True)
 class TwoStage:
-    """A trunk and its chains, with all their data.
+    """A trunk and its branches, with all their data.
 
     Attributes:
-        stages, tree: as `unroll` takes them; nodes 0 .. trunk - 1 are a chain from the start, and
-            behind it every scenario is a chain of its own.
+        stages: as `unroll` takes them.
+        tree: nodes 0 .. trunk - 1 are a chain from the start, and behind it every scenario is a
+            chain of its own.
         trunk: number of nodes that are decided in common, at least one.
-        data: arrays (labels, nodes of the tree).
-        x0: states at the start.
+        data: by name, (labels, nodes of the tree).
+        x0: by name, (labels,) states at the start.
         cuts: worth of the states at the end.
         risk: the objective over the scenarios.
     """
@@ -90,23 +91,23 @@ class TwoStage:
 
     @cached_property
     def _nodes(self) -> list[Ints]:
-        """Nodes of every chain."""
+        """Nodes of every branch."""
         m, parent = self.trunk, self.tree.parent
         heads = [k for k in range(m, self.tree.n) if parent[k] < m]
         child = np.full(self.tree.n, -1)
         behind = np.flatnonzero(parent >= m)
         child[parent[behind]] = behind
-        found = []
+        branches = []
         for head in heads:
             nodes = [head]
             while child[nodes[-1]] >= 0:
                 nodes.append(int(child[nodes[-1]]))
-            found.append(np.array(nodes))
-        return found
+            branches.append(np.array(nodes))
+        return branches
 
     @cached_property
     def _kinds(self) -> tuple[list[tuple[int, ...]], list[int]]:
-        """Stage sequences no one of which ends another, and which of them ends in each chain's."""
+        """Stage sequences no one of which ends another, and which of them ends in each branch's."""
         sequences = [tuple(self.tree.stage[nodes].tolist()) for nodes in self._nodes]
         kinds: list[tuple[int, ...]] = []
         for sequence in sorted(set(sequences), key=len, reverse=True):
@@ -119,7 +120,7 @@ class TwoStage:
         return kinds, [ends[s] for s in sequences]
 
     @cached_property
-    def chains(self) -> list[ScenarioBranch]:
+    def branches(self) -> list[ScenarioBranch]:
         """The scenarios, in the order of the tree."""
         kinds, program = self._kinds
         return [
@@ -141,7 +142,7 @@ class TwoStage:
 
     @cached_property
     def programs(self) -> list[Standard]:
-        """One program per kind of chain: those of other lengths begin in its midst."""
+        """One program per kind of branch: those of other lengths begin in its midst."""
         kinds, _ = self._kinds
         return [
             _chain(self.stages, np.array(kind), self._labels(k), self.cuts)
@@ -150,7 +151,7 @@ class TwoStage:
 
     def _labels(self, program: int) -> list[str]:
         """Labels of a program's steps, without the name of a scenario."""
-        longest = next(c for c in self.chains if c.program == program and c.offset == 0)
+        longest = next(b for b in self.branches if b.program == program and b.offset == 0)
         return [self.tree.labels[node].partition(IN)[0] for node in longest.nodes]
 
     @property
@@ -165,22 +166,22 @@ class TwoStage:
     @cached_property
     def _wide(self) -> dict[str, Floats]:
         """Data with a column for every node."""
-        found = {}
+        wide = {}
         for name, values in self.data.items():
             array = np.asarray(values, float)
             array = array if array.ndim == 2 else array[:, None]
-            found[name] = np.broadcast_to(array, (len(array), self.tree.n))
-        return found
+            wide[name] = np.broadcast_to(array, (len(array), self.tree.n))
+        return wide
 
-    def whole(self) -> Standard:
-        """The extensive form: trunk and chains in one program."""
+    def extensive_form(self) -> Standard:
+        """Trunk and branches in one program."""
         return unroll(self.stages, self.tree, self.cuts)
 
 
 def _chain(
     stages: Sequence[Stage], kind: Ints, labels: Sequence[str], cuts: Sequence[Cut]
 ) -> Standard:
-    used, at = np.unique(kind, return_inverse=True)
+    needed, stage = np.unique(kind, return_inverse=True)
     n = len(kind)
-    tree = Tree(np.arange(n) - 1, np.ones(n), at.ravel(), tuple(labels))
-    return unroll([stages[k] for k in used], tree, cuts)
+    tree = Tree(np.arange(n) - 1, np.ones(n), stage.ravel(), tuple(labels))
+    return unroll([stages[k] for k in needed], tree, cuts)

@@ -93,13 +93,13 @@ def test_a_start_changes_the_way_and_not_the_end() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_cuts_hold_everywhere_and_touch_where_they_were_made(seed: int) -> None:
     two, rng = program(seed, chains=8), np.random.default_rng(seed)
-    recourse, n = Recourse(two), len(two.chains)
+    recourse, n = Recourse(two), len(two.branches)
     here = rng.uniform(0.0, 2.0, (n, 2))
-    made = recourse.at(here)
+    made = recourse.solve(here)
     assert made.alpha + (made.beta * here).sum(1) == pytest.approx(made.cost, abs=1e-7)
     for _ in range(10):
         there = rng.uniform(0.0, 2.0, (n, 2))
-        cost = recourse.at(there).cost
+        cost = recourse.solve(there).cost
         assert (made.alpha + (made.beta * there).sum(1) <= cost + 1e-9).all()
 
 
@@ -125,7 +125,7 @@ def test_a_time_limit_gives_the_best_so_far_with_its_bound() -> None:
 def test_a_scenario_without_recourse_is_named(solve: object) -> None:
     two = program(1, chains=5)
     data = {name: values.copy() for name, values in two.data.items()}
-    data["demand"][:, two.chains[3].nodes[-1]] = 99.0
+    data["demand"][:, two.branches[3].nodes[-1]] = 99.0
     broken = TwoStage(two.stages, two.tree, two.trunk, data, two.x0, two.cuts)
     with pytest.raises(InfeasibleError, match="in scenario 3"):
         solve(broken, TIGHT)  # type: ignore[operator]
