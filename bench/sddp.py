@@ -11,12 +11,12 @@ from resilience.case import load_case
 from resilience.case.days import held_out
 from resilience.dispatch.sddp.book import Book
 from resilience.dispatch.sddp.policy import PATHS, Sddp
-from resilience.dispatch.sddp.training import simulated
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
+from resilience.testing.policies import simulated_costs
 
 CASE, CENTRE, DRAWS, SIMULATED = "ieee33-tou", 56, 8, 200
 MAX_BUILD_S = 10.0
@@ -32,7 +32,7 @@ def training() -> Iterator[Row]:
     begin = book.start, book.climate.levels.mean(axis=0)
     bound = cuts.trained.root.value(*begin)
     rng = np.random.default_rng(0)
-    costs = simulated(cuts.multistage, cuts.trained, begin, SIMULATED, rng)
+    costs = simulated_costs(cuts.multistage, cuts.trained, begin, SIMULATED, rng)
     error = costs.std() / np.sqrt(SIMULATED)
     note = f"bound {bound:.2f} $, {SIMULATED} simulated days {costs.mean():.2f} ± {error:.2f} $"
     yield below(f"sddp, one storm centre of {CASE}", seconds, MAX_BUILD_S, "s", note)

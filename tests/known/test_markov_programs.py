@@ -7,7 +7,8 @@ import pytest
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.model import Cuts, Multistage, NoiseOutcomes
-from resilience.dispatch.sddp.training import Begin, Engine, Settings, Trained, simulated, train
+from resilience.dispatch.sddp.training import Begin, Engine, Settings, Trained, train
+from resilience.testing.policies import simulated_costs
 from tests.known.markov_tree import Written, microgrid, multistage, policy_cost
 from tests.known.test_farmer import PUBLISHED, WEATHER, autumn, spring
 
@@ -63,13 +64,13 @@ def test_every_cut_is_a_bound_everywhere(
     for _ in range(12):
         energy, levels = anywhere(rng)
         optimum = written.solve(energy, float(levels[0])).objective
-        assert (root.at(levels) + root.beta @ energy).max() <= optimum + 1e-7
+        assert (root.constants(levels) + root.beta @ energy).max() <= optimum + 1e-7
 
 
 def test_simulated_costs_lie_around_the_bound(trained: tuple[Multistage, Trained]) -> None:
     problem, found = trained
     begin = STARTS[1]
-    costs = simulated(problem, found, begin, 300, np.random.default_rng(0))
+    costs = simulated_costs(problem, found, begin, 300, np.random.default_rng(0))
     error = costs.std() / np.sqrt(len(costs))
     assert abs(costs.mean() - found.root.value(*begin)) < 4.0 * error
 

@@ -38,7 +38,13 @@ OPTIONS: dict[str, Option] = {
 
 @dataclass
 class _Solver:
-    """A model in the solver, and for every row of a cut which cut and which block it is of."""
+    """A model in the solver.
+
+    Attributes:
+        model: the program; rows of cuts stand behind those of the blocks.
+        cut: (rows of cuts,) which cut each is.
+        block: (rows of cuts,) which block's future it bounds.
+    """
 
     model: HighsModel
     cut: Ints
@@ -49,47 +55,53 @@ class Blocks:
     """Stage problems side by side.
 
     Args:
-        parts: programs with the numbers of some blocks each.
+        numbered: programs with the numbers of some blocks each.
         owner: (blocks,) whose cuts a block's future has: its mode.
         cuts: of all owners.
-        of: (cuts,) the owner of each cut.
+        cut_owner: (cuts,) the owner of each cut.
     """
 
     def __init__(
-        self, parts: Sequence[tuple[StageProgram, Numbers]], owner: Ints, cuts: Cuts, of: Ints
+        self,
+        numbered: Sequence[tuple[StageProgram, Numbers]],
+        owner: Ints,
+        cuts: Cuts,
+        cut_owner: Ints,
     ) -> None:
-        self.owner, self.cuts, self.of = np.asarray(owner, np.intp), cuts, np.asarray(of, np.intp)
-        each = [program for program, numbers in parts for _ in numbers.price]
-        self.n = len(each)
-        width = np.array([p.n for p in each])
-        height = np.array([p.a.shape[0] for p in each])
+        self.owner, self.cuts = np.asarray(owner, np.intp), cuts
+        self.cut_owner = np.asarray(cut_owner, np.intp)
+        programs = [program for program, numbers in numbered for _ in numbers.price]
+        self.n = len(programs)
+        width = np.array([p.n for p in programs])
+        height = np.array([p.a.shape[0] for p in programs])
         self._column, self._row = np.cumsum(width) - width, np.cumsum(height) - height
         self._block_of_column = np.repeat(np.arange(self.n), width)
         self._block_of_row = np.repeat(np.arange(self.n), height)
-        self.a = sp.csr_array(sp.block_diag([p.a for p in each], format="csr"))
+        self.a = sp.csr_array(sp.block_diag([p.a for p in programs], format="csr"))
         self._transposed = sp.csr_array(self.a.T)
-        self.now = np.concatenate([p.now for p in each])
-        self.equality = np.concatenate([p.equality for p in each])
-        self.after = np.array([p.after for p in each]) + self._column[:, None]
+        self.now = np.concatenate([p.now for p in programs])
+        self.equality = np.concatenate([p.equality for p in programs])
+        self.after = np.array([p.after for p in programs]) + self._column[:, None]
         self.lower, self.upper, self.rhs = (
-            np.concatenate([rows for _, n in parts for rows in getattr(n, key)])
+            np.concatenate([rows for _, n in numbered for rows in getattr(n, key)])
             for key in ("lower", "upper", "rhs")
         )
-        self.price = np.concatenate([n.price.ravel() for _, n in parts])
-        self.price_now = np.concatenate([n.price_now for _, n in parts])
-        self.offset = np.concatenate([n.offset for _, n in parts])
+        self.price = np.concatenate([n.price.ravel() for _, n in numbered])
+        self.price_now = np.concatenate([n.price_now for _, n in numbered])
+        self.offset = np.concatenate([n.offset for _, n in numbered])
         follows = (self.lower[:, 1:] != 0.0) | (self.upper[:, 1:] != 0.0)
         self._varying = np.flatnonzero(follows.any(axis=1))
         self._solver: _Solver | None = None
 
-    def add(self, cuts: Cuts, of: Ints) -> None:
+    def add_cuts(self, cuts: Cuts, cut_owner: Ints) -> None:
         """Takes more cuts; the basis is kept."""
         first = self.cuts.n
-        self.cuts, self.of = Cuts.joined([self.cuts, cuts]), np.append(self.of, of)
+        self.cuts = Cuts.joined([self.cuts, cuts])
+        self.cut_owner = np.append(self.cut_owner, cut_owner)
         solver = self._solver
         if solver is None:
             return
-        cut, block = np.nonzero(np.asarray(of)[:, None] == self.owner)
+        cut, block = np.nonzero(np.asarray(cut_owner)[:, None] == self.owner)
         solver.cut, solver.block = (
             np.append(solver.cut, cut + first),
             np.append(solver.block, block),
@@ -98,9 +110,10 @@ class Blocks:
         values = np.column_stack([cuts.beta[cut], -np.ones(len(cut))])
         solver.model.add_rows(columns, values, -np.inf, np.inf)
 
-    def replace(self, cuts: Cuts, of: Ints) -> None:
+    def replace_cuts(self, cuts: Cuts, cut_owner: Ints) -> None:
         """Takes other cuts in place of its own; the basis is lost."""
-        self.cuts, self.of, self._solver = cuts, np.asarray(of, np.intp), None
+        self.cuts, self.cut_owner = cuts, np.asarray(cut_owner, np.intp)
+        self._solver = None
 
     def decide(self, state: Floats, levels: Floats) -> list[Floats]:
         """(columns,) what every block does at (blocks, states) and (blocks, levels).
@@ -137,6 +150,11 @@ class Blocks:
 
     def _lagrangian(self, multipliers: Floats, solver: _Solver) -> Cuts:
         """The bounds of `bounds`, from multipliers (rows and rows of cuts,) of any origin."""
+        # L = sum_j d_j z_j + mean of the cuts + offset - y'(rhs - now x)  with  d = price + A'y, to
+        # which a column that is a state behind the step adds the mean slope of its block's cuts.
+        # Its minimum over the box takes each z_j at the side that the sign of d_j asks for. Sides,
+        # offset and rhs are affine in (1, levels), so the same sum gives a constant and the slopes
+        # gamma at once; the slopes beta in the states x are those of price_now and y'now.
         y, mu = multipliers[: len(self.rhs)], np.maximum(multipliers[len(self.rhs) :], 0.0)
         y = np.where(self.equality, y, np.maximum(y, 0.0))
         future = self._mean(mu, solver)
@@ -173,9 +191,9 @@ class Blocks:
         if solver is None:
             solver = self._solver = self._built()
             if len(chosen) < self.n:
-                # Blocks that nobody asks for stand anywhere that is allowed.
-                rest = np.ones(self.n, np.intp)[:, None]
-                self._send(solver, np.arange(self.n), state[:1] * rest, levels[:1] * rest)
+                # Blocks that are not chosen stand anywhere that is allowed.
+                ones = np.ones(self.n, np.intp)[:, None]
+                self._send(solver, np.arange(self.n), state[:1] * ones, levels[:1] * ones)
         self._send(solver, chosen, state, levels)
         if solver.model.run() is not RunStatus.OPTIMAL:
             _solve_from_scratch(solver.model)
@@ -183,20 +201,21 @@ class Blocks:
 
     def _send(self, solver: _Solver, chosen: Ints, state: Floats, levels: Floats) -> None:
         """Bounds and sides of the blocks chosen."""
-        one = np.ones((self.n, 1 + levels.shape[1]))
-        one[chosen, 1:] = levels
-        states, here = np.zeros((self.n, state.shape[1])), np.zeros(self.n, bool)
-        states[chosen], here[chosen] = state, True
-        columns = self._varying[here[self._block_of_column[self._varying]]]
-        rows, cuts = (np.flatnonzero(here[of]) for of in (self._block_of_row, solver.block))
-        at = one[self._block_of_column[columns]]
-        lower = np.einsum("ij,ij->i", self.lower[columns], at)
-        upper = np.einsum("ij,ij->i", self.upper[columns], at)
-        of = self._block_of_row[rows]
-        rhs = np.einsum("ij,ij->i", self.rhs[rows], one[of])
-        rhs -= np.einsum("ij,ij->i", self.now[rows], states[of])
-        cut, of = solver.cut[cuts], solver.block[cuts]
-        height = self.cuts.alpha[cut] + np.einsum("ij,ij->i", self.cuts.gamma[cut], one[of, 1:])
+        factors = np.ones((self.n, 1 + levels.shape[1]))  # of the constant and of every level
+        factors[chosen, 1:] = levels
+        states, is_chosen = np.zeros((self.n, state.shape[1])), np.zeros(self.n, bool)
+        states[chosen], is_chosen[chosen] = state, True
+        columns = self._varying[is_chosen[self._block_of_column[self._varying]]]
+        rows = np.flatnonzero(is_chosen[self._block_of_row])
+        cuts = np.flatnonzero(is_chosen[solver.block])
+        column_factors = factors[self._block_of_column[columns]]
+        lower = np.einsum("ij,ij->i", self.lower[columns], column_factors)
+        upper = np.einsum("ij,ij->i", self.upper[columns], column_factors)
+        block = self._block_of_row[rows]
+        rhs = np.einsum("ij,ij->i", self.rhs[rows], factors[block])
+        rhs -= np.einsum("ij,ij->i", self.now[rows], states[block])
+        cut, cut_levels = solver.cut[cuts], factors[solver.block[cuts], 1:]
+        height = self.cuts.alpha[cut] + np.einsum("ij,ij->i", self.cuts.gamma[cut], cut_levels)
         solver.model.change_bounds(columns, lower, upper)
         low = np.full(len(rows) + len(cuts), -np.inf)
         low[: len(rows)] = np.where(self.equality[rows], rhs, -np.inf)
@@ -205,12 +224,12 @@ class Blocks:
 
     def _built(self) -> _Solver:
         """The model at zero levels, its rows free: `_send` sets what depends on the state."""
-        cut, block = np.nonzero(self.of[:, None] == self.owner)
-        n, each = len(cut), np.arange(len(cut))
-        at = np.repeat(each, self.after.shape[1])
-        slopes = (self.cuts.beta[cut].ravel(), (at, self.after[block].ravel()))
+        cut, block = np.nonzero(self.cut_owner[:, None] == self.owner)
+        n, row = len(cut), np.arange(len(cut))
+        state_rows = np.repeat(row, self.after.shape[1])
+        slopes = (self.cuts.beta[cut].ravel(), (state_rows, self.after[block].ravel()))
         beta = sp.csr_array(slopes, shape=(n, len(self.price)))
-        future = sp.csr_array((-np.ones(n), (each, block)), shape=(n, self.n))
+        future = sp.csr_array((-np.ones(n), (row, block)), shape=(n, self.n))
         a = sp.csr_array(sp.block_array([[self.a, None], [beta, future]], format="csr"))
         free, side = np.full(self.n, np.inf), np.full(a.shape[0], np.inf)
         vectors = Vectors(

@@ -1,4 +1,4 @@
-"""The cut sets of a case: one per bin of storm centres, trained when it is first asked for."""
+"""The cut sets of a case: one per bin of storm peaks, trained when it is first needed."""
 
 from __future__ import annotations
 
@@ -13,24 +13,31 @@ from resilience.case import Case
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
 from resilience.dispatch.sddp.chain import ModeChain, storm_chain
-from resilience.dispatch.sddp.days import learnt, past_days
+from resilience.dispatch.sddp.days import fitted_climate, past_days
 from resilience.dispatch.sddp.model import Cuts, Multistage
-from resilience.dispatch.sddp.storm import Fleet, day_problem, price_profiles
+from resilience.dispatch.sddp.storm import Fleet, day_program, price_profiles
 from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import Bell, case_bell
 
-MOST_LINES = 6  # that can fail: modes are their subsets, 64 then
-BIN = 8  # slots of 15 minutes: centres that one cut set serves, where the case names none
+MAX_LINES = 6  # that can fail: modes are their subsets, 64 then
+BIN_SLOTS = 8  # of 15 minutes: peaks that one cut set serves, where the case names none
 OUTCOMES = 2  # of the noise in every slot
 SETTINGS = Settings(iterations=14, paths=2, tidy=7)
 
 
 @dataclass(frozen=True)
 class CutSet:
-    """Future costs for one bin of storm centres, and the modes that they belong to."""
+    """Future costs for one bin of storm peaks.
 
-    centres: tuple[int, ...]
+    Attributes:
+        storm_peaks: slots of 15 minutes in which the storm may peak.
+        chain: the modes that the cuts belong to.
+        multistage: the day that they were trained on.
+        trained: the cuts.
+    """
+
+    storm_peaks: tuple[int, ...]
     chain: ModeChain
     multistage: Multistage
     trained: Trained
@@ -67,25 +74,25 @@ class Book:
         self.folder = cache_folder() if cache is True else (cache or None)
         marked = zip(case.network.line_names, case.network.breakpoint, strict=True)
         self.lines = tuple(name for name, breaks in marked if breaks)
-        _refuse(case, self.lines)
+        _check_case(case, self.lines)
         self.per_day = case.window.slots_per_day
-        self.fleet = Fleet.of(case)
-        self.climate = learnt(past_days(case), outcomes)
+        self.fleet = Fleet.of_case(case)
+        self.climate = fitted_climate(past_days(case), outcomes)
         offset = case.window.slots_before_start
         self.prices = price_profiles(case, self.climate.names, self.per_day, offset)
         self.start: Floats = self.fleet.microgrid.start()["ess.energy"]
-        self._known: dict[tuple[object, ...], CutSet] = {}
+        self._cut_sets: dict[tuple[object, ...], CutSet] = {}
 
-    def centres(self, centre: int) -> tuple[int, ...]:
-        """Centres that are possible when `centre` is forecast, -1 for no forecast: one bin's."""
+    def storm_peaks(self, forecast: int) -> tuple[int, ...]:
+        """Peaks that are possible with one forecast, -1 for none: those near the forecast's bin."""
         usual, error = self.bell.centre_slots(), self.bell.centre_error_slots
-        if centre < 0:
+        if forecast < 0:
             return tuple(usual.tolist())
-        if error == 0 and centre in self.bell.centres:
-            return (centre,)
-        low = centre // BIN * BIN
-        near = usual[(usual >= low - error) & (usual < low + BIN + error)]
-        return tuple(near.tolist()) or tuple(range(low, low + BIN))
+        if error == 0 and forecast in self.bell.centres:
+            return (forecast,)
+        low = forecast // BIN_SLOTS * BIN_SLOTS
+        near = usual[(usual >= low - error) & (usual < low + BIN_SLOTS + error)]
+        return tuple(near.tolist()) or tuple(range(low, low + BIN_SLOTS))
 
     def ends(self, end_value_per_mwh: float) -> tuple[Floats, Floats]:
         """(merged units,) $ per MWh stored at a midnight within the horizon, and at its end.
@@ -93,29 +100,31 @@ class Book:
         From prices alone, see `stored_energy_value`; the mean over midnights.
         """
         worth = stored_energy_value(self.case, end_value_per_mwh)
-        each = worth[[int(np.argmax(self.fleet.member == k)) for k in range(self.fleet.n)]]
+        first_units = [int(np.argmax(self.fleet.member == k)) for k in range(self.fleet.n)]
+        unit_worth = worth[first_units]
         first = self.case.window.slots_before_start
-        at = np.arange(self.per_day - first, self.case.slots, self.per_day)
-        return each[:, at if len(at) else [-1]].mean(axis=1), each[:, -1]
+        midnights = np.arange(self.per_day - first, self.case.slots, self.per_day)
+        at_midnight = unit_worth[:, midnights if len(midnights) else [-1]]
+        return at_midnight.mean(axis=1), unit_worth[:, -1]
 
-    def cut_set(self, centre: int, terminal: Floats, stop: int | None = None) -> CutSet:
+    def cut_set(self, storm_peak: int, terminal: Floats, stop: int | None = None) -> CutSet:
         """The cuts of a day.
 
         Args:
-            centre: slot of 15 minutes at which the hazard is forecast to peak; -1: unknown.
+            storm_peak: slot of 15 minutes at which the hazard is forecast to peak; -1: unknown.
             terminal: (merged units,) $ per MWh stored at the end.
             stop: number of slots; a whole day if omitted.
         """
-        centres, stop = self.centres(centre), stop or self.per_day
+        peaks, stop = self.storm_peaks(storm_peak), stop or self.per_day
         terminal = np.round(terminal, 6)
-        key = (centres, tuple(terminal.tolist()), stop)
-        if key not in self._known:
-            chain = storm_chain(self.bell, len(self.lines), np.array(centres), self.per_day)
-            multistage = day_problem(
+        key = (peaks, tuple(terminal.tolist()), stop)
+        if key not in self._cut_sets:
+            chain = storm_chain(self.bell, len(self.lines), np.array(peaks), self.per_day)
+            multistage = day_program(
                 self.fleet, self.lines, chain, self.climate, self.prices, terminal, stop
             )
-            self._known[key] = CutSet(centres, chain, multistage, self._trained(multistage))
-        return self._known[key]
+            self._cut_sets[key] = CutSet(peaks, chain, multistage, self._trained(multistage))
+        return self._cut_sets[key]
 
     @property
     def probes(self) -> Sequence[Begin]:
@@ -128,11 +137,11 @@ class Book:
         facts = [*self.fleet.band, self.start, self.climate.levels]
         key = digest(multistage, facts, self.settings)
         path = self.folder / f"{key[:32]}.npz"
-        found = load(path, key)
-        if found is None:
-            found = train(multistage, self._begin, self.probes, self.settings)
-            save(path, key, found)
-        return found
+        trained = load(path, key)
+        if trained is None:
+            trained = train(multistage, self._begin, self.probes, self.settings)
+            save(path, key, trained)
+        return trained
 
     def _begin(self, rng: np.random.Generator, last: Floats | None) -> Begin:
         """A day that was learnt from; energy anywhere in the band, or as the last path ended."""
@@ -141,10 +150,10 @@ class Book:
         return (last if carried and last is not None else drawn), levels
 
 
-def _refuse(case: Case, lines: Sequence[str]) -> None:
-    if len(lines) > MOST_LINES:
+def _check_case(case: Case, lines: Sequence[str]) -> None:
+    if len(lines) > MAX_LINES:
         raise UsageError(
-            f"sddp: case {case.name!r} has {len(lines)} breakpoints; allowed: up to {MOST_LINES}",
+            f"sddp: case {case.name!r} has {len(lines)} breakpoints; allowed: up to {MAX_LINES}",
             hint="`stochastic` samples outages instead of listing their combinations",
         )
     if not case.ess:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats
+from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.dispatch.sddp.training import Settings, Trained
@@ -31,50 +31,51 @@ def cache_folder() -> Path:
     return (Path(root) if root else Path.home() / ".cache") / "resilience" / "sddp"
 
 
-def digest(multistage: Multistage, more: Iterable[Floats], settings: Settings) -> str:
-    """Of all that cuts depend on; `more` are arrays that say where paths begin."""
-    found = hashlib.sha256(f"{VERSION} {settings}".encode())
+def digest(multistage: Multistage, starts: Iterable[Floats], settings: Settings) -> str:
+    """Of all that cuts depend on; `starts` are arrays that say where paths begin."""
+    hashed = hashlib.sha256(f"{VERSION} {settings}".encode())
 
-    def take(name: str, value: Floats | Bools) -> None:
+    def add(name: str, value: Floats | Bools) -> None:
         array = np.ascontiguousarray(value, float)
-        found.update(f"{name} {array.shape}".encode())
-        found.update(array.tobytes())
+        hashed.update(f"{name} {array.shape}".encode())
+        hashed.update(array.tobytes())
 
     for stage in multistage.stages:
         program = StageProgram(stage)
-        take("matrix", program.standard.a.toarray())
-        take("equality", program.equality)
-        take("fixed", program.form.constants)
-        take("moving", program.form.slopes.toarray())
-        take("offset", np.append(program.form.offset, program.form.offset_data))
+        add("matrix", program.standard.a.toarray())
+        add("equality", program.equality)
+        add("fixed", program.form.constants)
+        add("moving", program.form.slopes.toarray())
+        add("offset", np.append(program.form.offset, program.form.offset_data))
     for modes, transition in zip(multistage.outcomes, multistage.transition, strict=True):
-        take("transition", transition)
+        add("transition", transition)
         for mode in modes:
-            take(f"stage {mode.stage}", mode.probability)
+            add(f"stage {mode.stage}", mode.probability)
             for name in sorted(mode.data):
-                take(name, mode.data[name])
-    for part in (multistage.terminal.alpha, multistage.terminal.beta, multistage.terminal.gamma):
-        take("terminal", part)
-    for part in more:
-        take("start", part)
-    return found.hexdigest()
+                add(name, mode.data[name])
+    terminal = multistage.terminal
+    for array in (terminal.alpha, terminal.beta, terminal.gamma):
+        add("terminal", array)
+    for array in starts:
+        add("start", array)
+    return hashed.hexdigest()
 
 
 def save(path: Path, key: str, trained: Trained) -> None:
     """Writes the file whole or not at all."""
     modes = np.array([len(cuts) for cuts in trained.cuts])
-    parts = [cuts for slot in trained.cuts for cuts in slot]
-    count = np.array([cuts.n for cuts in parts])
-    whole = Cuts.joined([*parts, trained.root])
+    mode_cuts = [cuts for slot in trained.cuts for cuts in slot]
+    count = np.array([cuts.n for cuts in mode_cuts])
+    everything = Cuts.joined([*mode_cuts, trained.root])
     with replacing_file(path) as fresh, fresh.open("wb") as file:
         np.savez_compressed(
             file,
             key=np.array(key),
             modes=modes,
             count=count,
-            alpha=whole.alpha,
-            beta=whole.beta,
-            gamma=whole.gamma,
+            alpha=everything.alpha,
+            beta=everything.beta,
+            gamma=everything.gamma,
             bounds=trained.bounds,
         )
 
@@ -85,15 +86,22 @@ def load(path: Path, key: str) -> Trained | None:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             if str(file["key"]) != key:
                 return None
-            whole = Cuts(file["alpha"], file["beta"], file["gamma"])
-            return _split(whole, file["modes"], file["count"], file["bounds"])
+            everything = Cuts(file["alpha"], file["beta"], file["gamma"])
+            return _split(everything, file["modes"], file["count"], file["bounds"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
 
 
-def _split(whole: Cuts, modes: Floats, count: Floats, bounds: Floats) -> Trained:
-    ends = np.cumsum(count)
-    parts = [whole[a:b] for a, b in zip(ends - count, ends, strict=True)]
-    slots = np.cumsum(modes)
-    cuts = [parts[a:b] for a, b in zip(slots - modes, slots, strict=True)]
-    return Trained(cuts, whole[ends[-1] :], bounds)
+def _split(everything: Cuts, modes: Ints, count: Ints, bounds: Floats) -> Trained:
+    """The inverse of how `save` joins cuts.
+
+    Args:
+        everything: all cuts, slot by slot and mode by mode, those of the root last.
+        modes: (slots,) number of modes.
+        count: (modes of all slots,) number of cuts.
+        bounds: as in `Trained`.
+    """
+    ends, slots = np.cumsum(count), np.cumsum(modes)
+    mode_cuts = [everything[a:b] for a, b in zip(ends - count, ends, strict=True)]
+    cuts = [mode_cuts[a:b] for a, b in zip(slots - modes, slots, strict=True)]
+    return Trained(cuts, everything[ends[-1] :], bounds)

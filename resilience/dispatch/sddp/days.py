@@ -53,10 +53,10 @@ def past_days(case: Case) -> Days:
         from resilience.case.profiles import read_profile_file
 
         times = read_profile_file(Path(file)).times
-        whole = len(times) // per_day
+        days = len(times) // per_day
         first = times[0].astype("datetime64[s]").item()
-        kept = max(whole - math.ceil(TEST_SHARE * whole), 1)
-        case = case.replace(start=first, slots=kept * per_day, outages=())
+        training_days = max(days - math.ceil(TEST_SHARE * days), 1)
+        case = case.replace(start=first, slots=training_days * per_day, outages=())
     return _cut_into_days(case, per_day)
 
 
@@ -79,12 +79,11 @@ def _cut_into_days(case: Case, per_day: int) -> Days:
 
 def _filled(values: Floats) -> Floats:
     """Slots that no day knows get the mean of those that are known."""
-    known = ~np.isnan(values)
-    some = np.where(known, values, 0.0)
-    count, total = known.sum(axis=0), some.sum(axis=0)
+    is_known = ~np.isnan(values)
+    count, total = is_known.sum(axis=0), np.where(is_known, values, 0.0).sum(axis=0)
     mean = total.sum(axis=1, keepdims=True) / np.maximum(count.sum(axis=1, keepdims=True), 1)
     by_slot = np.where(count > 0, total / np.maximum(count, 1), mean)
-    return np.where(known, values, by_slot)
+    return np.where(is_known, values, by_slot)
 
 
 @dataclass(frozen=True)
@@ -115,21 +114,21 @@ class Climate:
         return self.basis[:, k, t] * self.noise[outcome, k, t]
 
 
-def learnt(days: Days, outcomes: int) -> Climate:
+def fitted_climate(days: Days, outcomes: int) -> Climate:
     """The mixture that fits the days, and `outcomes` equally likely factors for every slot."""
     basis = _basis(days)
     levels = np.array([_fit(basis, days.size, day) for day in days.values])
     fit = np.tensordot(levels, basis, 1)
-    rest = np.tensordot(days.values - fit, days.size, ([1], [0]))
-    order = np.argsort(rest, axis=0, kind="stable")
+    residual_mw = np.tensordot(days.values - fit, days.size, ([1], [0]))
+    order = np.argsort(residual_mw, axis=0, kind="stable")
     noise = np.ones((outcomes, *days.values.shape[1:]))
     for factor, chosen in zip(noise, np.array_split(order, outcomes), strict=True):
         if not len(chosen):
             continue
-        at = chosen[:, None, :]
-        actual = np.take_along_axis(days.values, at, axis=0).sum(axis=0)
-        said = np.take_along_axis(fit, at, axis=0).sum(axis=0)
-        np.divide(actual, said, out=factor, where=said > 0.0)
+        group = chosen[:, None, :]
+        actual = np.take_along_axis(days.values, group, axis=0).sum(axis=0)
+        fitted = np.take_along_axis(fit, group, axis=0).sum(axis=0)
+        np.divide(actual, fitted, out=factor, where=fitted > 0.0)
     return Climate(days.names, basis, noise, days.size, levels)
 
 
@@ -137,10 +136,10 @@ def _basis(days: Days) -> Floats:
     """Mean working day, mean day off (where there are both), and mean day of the sun."""
     load, sun = days.size >= 0.0, days.size < 0.0
     kinds = [kind for kind in (~days.off, days.off) if kind.any()]
-    found = [days.values[kind].mean(axis=0) * load[:, None] for kind in kinds if load.any()]
+    means = [days.values[kind].mean(axis=0) * load[:, None] for kind in kinds if load.any()]
     if sun.any():
-        found.append(days.values.mean(axis=0) * sun[:, None])
-    return np.array(found).reshape(len(found), *days.values.shape[1:])
+        means.append(days.values.mean(axis=0) * sun[:, None])
+    return np.array(means).reshape(len(means), *days.values.shape[1:])
 
 
 def _fit(basis: Floats, size: Floats, values: Floats) -> Floats:

@@ -25,13 +25,13 @@ AHEAD = WindowSteps(slots=4, blocks=3, block_slots=4)
 
 
 @dataclass(frozen=True)
-class Asked:
+class LookaheadRequest:
     """What is known of one scenario.
 
     Attributes:
         t: slot of the horizon.
         day: number of the day.
-        known: of the lines that can fail.
+        history: what is known of the lines that can fail.
         up: (lines of the case,) line status now.
         energy: (merged units,) MWh.
         levels: (levels,) of the day.
@@ -40,7 +40,7 @@ class Asked:
 
     t: int
     day: int
-    known: LineHistory
+    history: LineHistory
     up: Bools
     energy: Floats
     levels: Floats
@@ -49,13 +49,17 @@ class Asked:
 
 @dataclass(frozen=True)
 class Futures:
-    """Different paths: line status of the case (lines, steps, paths), probabilities (paths,), and
-    which of the lines that can fail are down in the last slot, (lines, paths).
+    """Different paths of line status.
+
+    Attributes:
+        up: (lines of the case, steps, paths).
+        probability: (paths,); 0 for one that only fills up the number.
+        down_at_end: (lines that can fail, paths) which are down in the last slot.
     """
 
     up: Bools
-    share: Floats
-    ends: Bools
+    probability: Floats
+    down_at_end: Bools
 
 
 class Lookahead:
@@ -70,36 +74,36 @@ class Lookahead:
 
     def __init__(self, book: Book, paths: int, steps: WindowSteps = AHEAD, seed: int = 0) -> None:
         self.book, self.paths, self.steps, self.seed = book, paths, steps, seed
-        self.small = merged_grid(book.fleet.microgrid.case)
+        self.merged = merged_grid(book.fleet.microgrid.case)
         case = book.case
         self.lines = [case.network.line(name) for name in book.lines]
         self._programs: dict[tuple[int, int, int], WindowProgram] = {}
         self._ends: dict[tuple[int, int, int], Ints] = {}
         self._days: dict[int, DayDraw] = {}
 
-    def decide(self, asked: Asked, cuts: CutSet) -> Floats:
+    def decide(self, request: LookaheadRequest, cuts: CutSet) -> Floats:
         """(merged units,) charging power now, MW; negative is discharging."""
-        left = cuts.multistage.slots - asked.known.t
-        whole = left >= self.steps.horizon
-        steps = self.steps if whole else WindowSteps(left, 0, self.steps.block_slots)
-        paths = self._sampled(asked, steps)
-        key = (steps.slots, steps.blocks, len(paths.share))
+        remaining = cuts.multistage.slots - request.history.t
+        fits = remaining >= self.steps.horizon
+        steps = self.steps if fits else WindowSteps(remaining, 0, self.steps.block_slots)
+        paths = self._sampled(request, steps)
+        key = (steps.slots, steps.blocks, len(paths.probability))
         program = self._program(key, steps)
         vectors = program.vectors(
             WindowRequest(
-                asked.t,
-                asked.energy,
+                request.t,
+                request.energy,
                 paths.up,
-                paths.share,
-                asked.forecast,
+                paths.probability,
+                request.forecast,
                 np.zeros(self.book.fleet.n),
             )
         )
-        standard, counted = program.standard, paths.share > 0.0
-        vectors.cost[standard.future] = paths.share
+        standard, counted = program.standard, paths.probability > 0.0
+        vectors.cost[standard.future] = paths.probability
         vectors.lower[standard.future] = np.where(counted, -np.inf, 0.0)
         vectors.upper[standard.future] = np.where(counted, np.inf, 0.0)
-        rows = self._rows(key, asked, cuts, paths, asked.known.t + steps.horizon - 1)
+        rows = self._rows(key, request, cuts, paths, request.history.t + steps.horizon - 1)
         solver = Highs(program.solver.lowered, rows=rows, duals=False, threads=1)
         # Solved once and from scratch: half the time that presolve needs.
         solver.tune({"presolve": "off"})
@@ -110,16 +114,16 @@ class Lookahead:
         )
         return z[charge] - z[discharge]
 
-    def _sampled(self, asked: Asked, steps: WindowSteps) -> Futures:
+    def _sampled(self, request: LookaheadRequest, steps: WindowSteps) -> Futures:
         """Different paths, as many as a program is kept for: the last may stand there twice."""
-        after, up = steps.horizon - 1, np.repeat(asked.up[:, None, None], steps.n, axis=1)
-        down = asked.known.since >= 0
+        after, up = steps.horizon - 1, np.repeat(request.up[:, None, None], steps.n, axis=1)
+        down = request.history.since >= 0
         if not after or not self.lines:
             return Futures(up, np.ones(1), down[:, None])
         per_day = self.book.per_day
-        reach = days_reached(asked.known.t, after, per_day)
-        draws = [self._draw(asked.day + later) for later in range(reach)]
-        later = futures(self.book.bell, asked.known, after, per_day, draws)
+        reach = days_reached(request.history.t, after, per_day)
+        draws = [self._draw(request.day + later) for later in range(reach)]
+        later = futures(self.book.bell, request.history, after, per_day, draws)
         blocks = np.logical_or.reduceat(later, steps.starts[1:] - 1, axis=1)
         facts = np.concatenate([blocks.reshape(-1, self.paths), later[:, -1]])
         distinct = distinct_paths(facts)
@@ -136,7 +140,7 @@ class Lookahead:
 
     def _program(self, key: tuple[int, int, int], steps: WindowSteps) -> WindowProgram:
         if key not in self._programs:
-            program = WindowProgram(self.small, steps, key[2])
+            program = WindowProgram(self.merged, steps, key[2])
             standard = program.standard
             states = [standard.state_columns(int(leaf)) for leaf in standard.tree.leaves]
             self._programs[key] = program
@@ -144,16 +148,21 @@ class Lookahead:
         return self._programs[key]
 
     def _rows(
-        self, key: tuple[int, int, int], asked: Asked, found: CutSet, paths: Futures, last: int
+        self,
+        key: tuple[int, int, int],
+        request: LookaheadRequest,
+        cut_set: CutSet,
+        paths: Futures,
+        last: int,
     ) -> tuple[sp.csr_array, Floats]:
         """Rows beta @ state - future <= -alpha of every path that counts, at slot `last`."""
         standard, ends = self._programs[key].standard, self._ends[key]
         values, columns, sides = [], [], []
-        for path in np.flatnonzero(paths.share > 0.0):
-            cuts = found.cuts(last, paths.ends[:, path])
+        for path in np.flatnonzero(paths.probability > 0.0):
+            cuts = cut_set.cuts(last, paths.down_at_end[:, path])
             values.append(np.column_stack([cuts.beta, -np.ones(cuts.n)]))
             columns.append(np.repeat(ends[[path]], cuts.n, axis=0))
-            sides.append(-cuts.at(asked.levels))
+            sides.append(-cuts.constants(request.levels))
         value, column = np.concatenate(values), np.concatenate(columns)
         starts = np.arange(len(value) + 1) * value.shape[1]
         shape = (len(value), standard.n_columns)

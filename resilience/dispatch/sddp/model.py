@@ -40,7 +40,7 @@ class Cuts:
 
     @classmethod
     def of_prices(cls, per_unit: Floats, levels: int = 0) -> Cuts:
-        """What is left at the end is worth `per_unit`, (states,) $ per unit of each state."""
+        """What remains at the end is worth `per_unit`, (states,) $ per unit of each state."""
         return cls(np.zeros(1), -np.asarray(per_unit, float)[None], np.zeros((1, levels)))
 
     @property
@@ -48,29 +48,29 @@ class Cuts:
         """Number of cuts."""
         return len(self.alpha)
 
-    def at(self, levels: Floats) -> Floats:
+    def constants(self, levels: Floats) -> Floats:
         """(cuts,) the constants of the cuts once the levels are known."""
         return self.alpha + self.gamma @ levels
 
     def value(self, state: Floats, levels: Floats) -> float:
         """The highest cut, $."""
-        return float((self.at(levels) + self.beta @ state).max())
+        return float((self.constants(levels) + self.beta @ state).max())
 
     def slope(self, state: Floats, levels: Floats) -> Floats:
         """(states,) $ per unit of each state, of the highest cut."""
-        return self.beta[np.argmax(self.at(levels) + self.beta @ state)]
+        return self.beta[np.argmax(self.constants(levels) + self.beta @ state)]
 
     def __getitem__(self, index: Any) -> Cuts:
         """Some of the cuts: a slice, or an array of indices."""
         return Cuts(self.alpha[index], self.beta[index], self.gamma[index])
 
     @staticmethod
-    def joined(parts: Sequence[Cuts]) -> Cuts:
-        """All cuts of all parts."""
+    def joined(batches: Sequence[Cuts]) -> Cuts:
+        """All cuts, one batch behind the other."""
         return Cuts(
-            np.concatenate([part.alpha for part in parts]),
-            np.concatenate([part.beta for part in parts]),
-            np.concatenate([part.gamma for part in parts]),
+            np.concatenate([cuts.alpha for cuts in batches]),
+            np.concatenate([cuts.beta for cuts in batches]),
+            np.concatenate([cuts.gamma for cuts in batches]),
         )
 
     def mixed(self, weights: Floats) -> Cuts:
@@ -123,9 +123,9 @@ class Multistage:
                 raise ValueError(
                     f"slot {t}: transitions of shape {chance.shape}, not {(before, len(modes))}"
                 )
-            for what, rows in [("transitions", chance), *_noise(modes)]:
+            for name, rows in [("transitions", chance), *_noise(modes)]:
                 if (rows < 0.0).any() or not np.allclose(rows.sum(axis=-1), 1.0):
-                    raise ValueError(f"slot {t}: {what} are no distributions")
+                    raise ValueError(f"slot {t}: {name} are no distributions")
             before = len(modes)
 
     @property

@@ -10,7 +10,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.book import Book, CutSet
-from resilience.dispatch.sddp.lookahead import Asked, Lookahead
+from resilience.dispatch.sddp.lookahead import Lookahead, LookaheadRequest
 from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
@@ -25,7 +25,7 @@ class Sddp:
     """Dispatch by stochastic dual dynamic programming.
 
     The next hours are a fan of sampled outage paths, as they may come given what is known, and the
-    value of what is left behind each of them is that of the cuts. Without paths, the present slot
+    value of what remains behind each of them is that of the cuts. Without paths, the present slot
     alone is decided with the cuts behind it: the policy that the training's bound is about, in a
     tenth of the time, but blind to how long a line has been down. Cut sets are trained on demand,
     see `Book`.
@@ -53,53 +53,70 @@ class Sddp:
         self.fleet, self.memory = self.book.fleet, Memory(world)
         self.lines = [case.network.line(name) for name in self.book.lines]
         self.program = StageProgram(self.fleet.microgrid.stage(case.step_h))
-        self.ahead = Lookahead(self.book, paths) if paths else None
+        self.lookahead = Lookahead(self.book, paths) if paths else None
         self._midnight, self._end = self.book.ends(world.end_value_per_mwh)
 
-    def cut_set(self, t: int, centre: int) -> CutSet:
+    def cut_set(self, t: int, storm_peak: int) -> CutSet:
         """The cuts of the day of slot t: up to midnight, or to the end of the horizon."""
-        clock, left = self.memory.clock(t), self.world.microgrid.case.slots - t
-        if left <= self.book.per_day - clock:
-            return self.book.cut_set(centre, self._end, clock + left)
-        return self.book.cut_set(centre, self._midnight)
+        clock, remaining = self.memory.clock(t), self.world.microgrid.case.slots - t
+        if remaining <= self.book.per_day - clock:
+            return self.book.cut_set(storm_peak, self._end, clock + remaining)
+        return self.book.cut_set(storm_peak, self._midnight)
 
-    def act(self, seen: Observation) -> Floats:
+    def act(self, observation: Observation) -> Floats:
         """The first slot of each scenario's program."""
-        self.memory.update(seen)
-        levels, energy = self._levels(seen), self.fleet.summed(seen.energy)
-        if self.ahead is None:
-            net = self._by_cuts(seen, energy, levels)
+        self.memory.update(observation)
+        levels, energy = self._levels(observation), self.fleet.summed(observation.energy)
+        if self.lookahead is None:
+            net = self._by_cuts(observation, energy, levels)
         else:
-            asked = [self._asked(seen, k, energy[:, k], at) for k, at in enumerate(levels)]
-            sets = [self.cut_set(seen.t, int(centre)) for centre in seen.centre]
-            each = [self.ahead.decide(*pair) for pair in zip(asked, sets, strict=True)]
-            net = np.array(each).T
+            cut_sets = [self.cut_set(observation.t, int(peak)) for peak in observation.centre]
+            decisions = [
+                self.lookahead.decide(self._request(observation, k, energy[:, k], levels[k]), cuts)
+                for k, cuts in enumerate(cut_sets)
+            ]
+            net = np.array(decisions).T
         return net[self.fleet.member] * self.fleet.share[:, None]
 
-    def _by_cuts(self, seen: Observation, energy: Floats, levels: Sequence[Floats]) -> Floats:
+    def _by_cuts(
+        self, observation: Observation, energy: Floats, levels: Sequence[Floats]
+    ) -> Floats:
         """(merged units, batch) the present slot of all scenarios, with the cuts of its mode."""
-        n, clock, cuts = len(levels), self.memory.clock(seen.t), []
-        for k, at in enumerate(levels):
-            found = self.cut_set(seen.t, int(seen.centre[k]))
-            behind = found.cuts(clock, ~seen.line_up[self.lines, k])
-            cuts.append(Cuts(behind.at(at), behind.beta, np.empty((behind.n, 0))))
-        microgrid, now = self.fleet.microgrid, np.array([seen.t])
+        t, n = observation.t, len(levels)
+        clock, scenario_cuts = self.memory.clock(t), []
+        for k, scenario_levels in enumerate(levels):
+            cut_set = self.cut_set(t, int(observation.centre[k]))
+            cuts = cut_set.cuts(clock, ~observation.line_up[self.lines, k])
+            constants = cuts.constants(scenario_levels)
+            scenario_cuts.append(Cuts(constants, cuts.beta, np.empty((cuts.n, 0))))
+        microgrid, now = self.fleet.microgrid, np.array([t])
         data = microgrid.data(
-            microgrid.situation(seen.line_up, lambda name: seen.forecast(name, now)[0])
+            microgrid.situation(
+                observation.line_up, lambda name: observation.forecast(name, now)[0]
+            )
         )
-        known = NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
-        of = np.repeat(np.arange(n), [part.n for part in cuts])
-        parts = [(self.program, self.program.numbers(known, 0))]
-        blocks = Blocks(parts, np.arange(n), Cuts.joined(cuts), of)
+        present = NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
+        numbered = [(self.program, self.program.numbers(present, 0))]
+        cut_owner = np.repeat(np.arange(n), [cuts.n for cuts in scenario_cuts])
+        blocks = Blocks(numbered, np.arange(n), Cuts.joined(scenario_cuts), cut_owner)
         z = np.array(blocks.decide(energy.T, np.empty((n, 0))))
         charge, discharge = (self.program.columns(f"ess.{way}") for way in ("charge", "discharge"))
         return (z[:, charge] - z[:, discharge]).T
 
-    def _asked(self, seen: Observation, k: int, energy: Floats, levels: Floats) -> Asked:
-        clock, down = self.memory.clock(seen.t), ~seen.line_up[self.lines, k]
-        known = LineHistory(clock, int(seen.centre[k]), *self._remembered(k, down, clock))
-        up, forecast = seen.line_up[:, k], seen.forecast_of(k)
-        return Asked(seen.t, self.memory.day(seen.t), known, up, energy, levels, forecast)
+    def _request(
+        self, observation: Observation, k: int, energy: Floats, levels: Floats
+    ) -> LookaheadRequest:
+        clock, down = self.memory.clock(observation.t), ~observation.line_up[self.lines, k]
+        history = LineHistory(clock, int(observation.centre[k]), *self._remembered(k, down, clock))
+        return LookaheadRequest(
+            t=observation.t,
+            day=self.memory.day(observation.t),
+            history=history,
+            up=observation.line_up[:, k],
+            energy=energy,
+            levels=levels,
+            forecast=observation.forecast_of(k),
+        )
 
     def _remembered(self, k: int, down: Bools, clock: int) -> tuple[Ints, Bools]:
         """Since when each line is down (-1: it is up), and whether it has failed today."""
@@ -107,17 +124,18 @@ class Sddp:
         since, spent = np.where(down, clock, -1), down.copy()
         for line, name in enumerate(self.book.lines):
             if name in names:
-                at = names.index(name)
-                since[line], spent[line] = self.memory.since[at, k], self.memory.spent[at, k]
+                i = names.index(name)
+                since[line], spent[line] = self.memory.since[i, k], self.memory.spent[i, k]
         return since, spent
 
-    def _levels(self, seen: Observation) -> Sequence[Floats]:
+    def _levels(self, observation: Observation) -> Sequence[Floats]:
         """(levels,) per scenario: what the forecast says of the rest of the day."""
-        case, climate, n = self.world.microgrid.case, self.book.climate, seen.energy.shape[1]
-        clock = self.memory.clock(seen.t)
-        ahead = np.arange(min(self.book.per_day - clock, case.slots - seen.t))
-        said = np.array([seen.forecast(name, seen.t + ahead) for name in climate.names])
-        said = said.reshape(len(climate.names), len(ahead), n)
-        alike = bool((said == said[:, :, :1]).all())
-        found = [climate.fitted(said[:, :, k], clock + ahead) for k in range(1 if alike else n)]
-        return found * n if alike else found
+        case, climate = self.world.microgrid.case, self.book.climate
+        n, clock = observation.energy.shape[1], self.memory.clock(observation.t)
+        ahead = np.arange(min(self.book.per_day - clock, case.slots - observation.t))
+        slots = observation.t + ahead
+        forecast = np.array([observation.forecast(name, slots) for name in climate.names])
+        forecast = forecast.reshape(len(climate.names), len(ahead), n)
+        if (forecast == forecast[:, :, :1]).all():  # one fit serves all
+            return [climate.fitted(forecast[:, :, 0], clock + ahead)] * n
+        return [climate.fitted(forecast[:, :, k], clock + ahead) for k in range(n)]

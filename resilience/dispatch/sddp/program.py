@@ -20,9 +20,17 @@ from resilience.models.program.unroll import unroll
 
 @dataclass(frozen=True)
 class Numbers:
-    """What data decides, for n blocks: (n, columns or rows, 1 + levels), prices (n, columns).
+    """What data decides, for n blocks.
 
-    The last axis holds the constant, then what one unit of each level adds.
+    The last axis of all but the prices holds the constant, then what one unit of each level adds.
+
+    Attributes:
+        lower: (n, columns, 1 + levels).
+        upper: (n, columns, 1 + levels).
+        rhs: (n, rows, 1 + levels).
+        price: (n, columns) $ per unit.
+        price_now: (n, states) $ per unit of the states at the start of the slot.
+        offset: (n, 1 + levels) $ whatever the columns.
     """
 
     lower: Floats
@@ -45,25 +53,25 @@ class StageProgram:
         if self.standard.integer.any():
             raise ValueError("a stage with integers has no cuts; relax it first")
         self.form = self.standard.form
-        self.n_now, whole = self.standard.n_states, self.standard.a.toarray()
+        self.n_now, matrix = self.standard.n_states, self.standard.a.toarray()
         # Behind the present states stands the future cost of the one leaf, which `Blocks` has too.
         self._own = np.arange(self.n_now + 1, self.standard.n_columns)
-        self.now = whole[:, : self.n_now]
+        self.now = matrix[:, : self.n_now]
         after = self.standard.state_columns(0) - self._own[0]
-        self.group, self._first = self._parallel(whole[:, self._own], after)
-        self.a = sp.csr_array(whole[:, self._own[self._first]])
+        self.group, self._first = self._parallel(matrix[:, self._own], after)
+        self.a = sp.csr_array(matrix[:, self._own[self._first]])
         self.after: Ints = self.group[after]
         self.equality = self.standard.equality
         self.n = len(self._first)
 
-    def _parallel(self, own: Floats, after: Ints) -> tuple[Ints, Ints]:
-        """(own,) group of every column, and the first column of every group."""
+    def _parallel(self, matrix: Floats, after: Ints) -> tuple[Ints, Ints]:
+        """(own columns,) group of every column, and the first column of every group."""
         form = self.form
         prices = slice(int(form.ends[-1]) + form.n_now, None)
-        alone = np.zeros(own.shape[1])
+        alone = np.zeros(matrix.shape[1])
         alone[after] = 1.0 + np.arange(len(after))
         facts = np.column_stack(
-            [own.T, form.constants[prices], form.slopes[prices].toarray(), alone]
+            [matrix.T, form.constants[prices], form.slopes[prices].toarray(), alone]
         )
         _, first, group = np.unique(facts, axis=0, return_index=True, return_inverse=True)
         return group.ravel().astype(np.intp), first.astype(np.intp)
@@ -91,12 +99,13 @@ class StageProgram:
             raise ValueError("prices depend on a level; cuts would not be bounds")
         offset = np.tensordot(form.offset_data, stacked, 1)
         offset[:, 0] += form.offset
-        now, own = price[:, : self.n_now, 0], price[:, self.n_now :, 0]
+        now, later = price[:, : self.n_now, 0], price[:, self.n_now :, 0]
         return Numbers(
-            self._merged(lower), self._merged(upper), rhs, own[:, self._first], now, offset
+            self._merged(lower), self._merged(upper), rhs, later[:, self._first], now, offset
         )
 
     def _merged(self, values: Floats) -> Floats:
-        found = np.zeros((self.n, len(values), values.shape[2]))
-        np.add.at(found, self.group, values.swapaxes(0, 1))
-        return found.swapaxes(0, 1)
+        """(n, columns, 1 + levels) sums over the columns of every group."""
+        totals = np.zeros((self.n, len(values), values.shape[2]))
+        np.add.at(totals, self.group, values.swapaxes(0, 1))
+        return totals.swapaxes(0, 1)

@@ -36,10 +36,10 @@ class Fleet:
     share: Floats
 
     @classmethod
-    def of(cls, case: Case) -> Fleet:
+    def of_case(cls, case: Case) -> Fleet:
         """The fleet of a case, over one slot: profiles come from elsewhere."""
-        at = Microgrid.build(case, "copperplate").bus_index(case.ess)
-        alike = [_alike(unit, int(bus)) for unit, bus in zip(case.ess, at, strict=True)]
+        buses = Microgrid.build(case, "copperplate").bus_index(case.ess)
+        alike = [_alike(unit, int(bus)) for unit, bus in zip(case.ess, buses, strict=True)]
         kinds = list(dict.fromkeys(alike))
         member = np.array([kinds.index(kind) for kind in alike], np.intp)
         size = np.array([unit.e_mwh for unit in case.ess])
@@ -48,8 +48,8 @@ class Fleet:
             _merged([u for u, m in zip(case.ess, member, strict=True) if m == k])
             for k in range(len(kinds))
         )
-        whole = case.replace(ess=merged, outages=())
-        return cls(Microgrid.build(whole, "copperplate"), member, size / total[member])
+        merged_case = case.replace(ess=merged, outages=())
+        return cls(Microgrid.build(merged_case, "copperplate"), member, size / total[member])
 
     @property
     def n(self) -> int:
@@ -70,9 +70,9 @@ class Fleet:
 
     def summed(self, per_unit: Floats) -> Floats:
         """(merged units, ...) totals of (units of the case, ...)."""
-        found = np.zeros((self.n, *per_unit.shape[1:]))
-        np.add.at(found, self.member, per_unit)
-        return found
+        totals = np.zeros((self.n, *per_unit.shape[1:]))
+        np.add.at(totals, self.member, per_unit)
+        return totals
 
 
 def _alike(unit: ESSTable, bus: int) -> tuple[object, ...]:
@@ -102,17 +102,22 @@ def _merged(units: Sequence[ESSTable]) -> ESSTable:
 
 @dataclass(frozen=True)
 class Prices:
-    """(profiles, slots of the day) of every profile that is no load's and no PV's."""
+    """Profiles that are no load's and no PV's.
+
+    Attributes:
+        names: of the profiles.
+        values: (profiles, slots of the day) per unit.
+    """
 
     names: tuple[str, ...]
     values: Floats
 
-    def at(self, name: str, t: int) -> float:
-        """In slot t of the day."""
+    def price(self, name: str, t: int) -> float:
+        """One of the profiles in slot t of the day, per unit."""
         return float(self.values[self.names.index(name), t])
 
 
-def day_problem(
+def day_program(
     fleet: Fleet,
     lines: Sequence[str],
     chain: ModeChain,
@@ -157,18 +162,18 @@ def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> 
         if name is None:
             return np.ones(up.shape[1] * per_mode)
         if name in prices.names:
-            return np.full(up.shape[1] * per_mode, prices.at(name, t))
-        each = [np.append(0.0, climate.profile(name, t, w)) for w in range(n)]
-        return np.tile(np.concatenate(each), up.shape[1])
+            return np.full(up.shape[1] * per_mode, prices.price(name, t))
+        outcomes = [np.append(0.0, climate.profile(name, t, w)) for w in range(n)]
+        return np.tile(np.concatenate(outcomes), up.shape[1])
 
     data = fleet.microgrid.data(fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile))
-    found = []
     shaped = {k: v.reshape(len(v), up.shape[1], n, 1 + levels).copy() for k, v in data.items()}
     for value in shaped.values():
         value[..., 1:] -= value[..., :1]
-    for m in range(up.shape[1]):
-        found.append(NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, m] for k, v in shaped.items()}))
-    return found
+    return [
+        NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, m] for k, v in shaped.items()})
+        for m in range(up.shape[1])
+    ]
 
 
 def price_profiles(case: Case, names: Sequence[str], per_day: int, offset: int) -> Prices:

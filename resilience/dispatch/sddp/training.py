@@ -44,8 +44,13 @@ class Settings:
 
 @dataclass(frozen=True)
 class Paths:
-    """Simulated paths: states (slots + 1, paths, states), levels (paths, levels), modes
-    (slots, paths), cost (paths,) in $.
+    """Simulated paths.
+
+    Attributes:
+        states: (slots + 1, paths, states), those at the start first.
+        levels: (paths, levels).
+        modes: (slots, paths) index of the mode.
+        cost: (paths,) $.
     """
 
     states: Floats
@@ -56,13 +61,13 @@ class Paths:
 
 @dataclass(frozen=True)
 class Trained:
-    """What training found.
+    """What training gives.
 
     Attributes:
         cuts: by slot, then by mode: the future cost behind that slot.
         root: the cost of the whole path, as a function of where it begins.
         bounds: (iterations,) $: the lower bound after each iteration, proven, averaged over
-            the beginnings that it was asked for.
+            the beginnings that are watched.
     """
 
     cuts: list[list[Cuts]]
@@ -85,36 +90,36 @@ class TrainingSlot:
         self, programs: list[StageProgram], modes: Sequence[NoiseOutcomes], levels: int, points: int
     ) -> None:
         self.noise, self.points = [mode.probability for mode in modes], points
-        parts = [(programs[m.stage], programs[m.stage].numbers(m, levels)) for m in modes]
+        numbered = [(programs[m.stage], programs[m.stage].numbers(m, levels)) for m in modes]
         count = [len(p) for p in self.noise]
         self.first, self.n = np.cumsum(count) - count, sum(count)
         mode = np.repeat(np.arange(len(modes)), count)
-        none = Cuts(np.zeros(0), np.zeros((0, parts[0][0].n_now)), np.zeros((0, levels)))
+        none = Cuts(np.zeros(0), np.zeros((0, numbered[0][0].n_now)), np.zeros((0, levels)))
         owner = np.tile(mode, points)
-        self.blocks = Blocks(parts * points, owner, none, np.zeros(0, np.intp))
+        self.blocks = Blocks(numbered * points, owner, none, np.zeros(0, np.intp))
         self._expect = np.zeros((len(modes), self.n))
         self._expect[mode, np.arange(self.n)] = np.concatenate(self.noise)
 
     def expected(self, states: Floats, levels: Floats) -> list[Cuts]:
-        """Per point (points, ...) a cut per mode, on what is left to pay from this slot on."""
-        found = self.blocks.bounds(*(np.repeat(x, self.n, axis=0) for x in (states, levels)))
-        each = [slice(k * self.n, (k + 1) * self.n) for k in range(self.points)]
-        return [found[at].mixed(self._expect) for at in each]
+        """Per point (points, ...) a cut per mode, on what is still to pay from this slot on."""
+        cuts = self.blocks.bounds(*(np.repeat(x, self.n, axis=0) for x in (states, levels)))
+        points = [slice(k * self.n, (k + 1) * self.n) for k in range(self.points)]
+        return [cuts[blocks].mixed(self._expect) for blocks in points]
 
-    def add(self, cuts: Sequence[Cuts]) -> None:
-        """More cuts, each of `cuts` one for every mode."""
-        of = np.tile(np.arange(len(self.noise)), len(cuts))
-        self.blocks.add(Cuts.joined(cuts), of)
+    def add_cuts(self, cuts: Sequence[Cuts]) -> None:
+        """Takes more cuts, each of `cuts` holding one for every mode."""
+        mode = np.tile(np.arange(len(self.noise)), len(cuts))
+        self.blocks.add_cuts(Cuts.joined(cuts), mode)
 
-    def put(self, cuts: Sequence[Cuts]) -> None:
-        """These cuts of every mode in place of others."""
-        of = np.repeat(np.arange(len(cuts)), [c.n for c in cuts])
-        self.blocks.replace(Cuts.joined(cuts), of)
+    def replace_cuts(self, cuts: Sequence[Cuts]) -> None:
+        """Takes the cuts of every mode, mode by mode, in place of those there are."""
+        mode = np.repeat(np.arange(len(cuts)), [c.n for c in cuts])
+        self.blocks.replace_cuts(Cuts.joined(cuts), mode)
 
     @property
     def cuts(self) -> list[Cuts]:
         """By mode."""
-        return [self.blocks.cuts[self.blocks.of == m] for m in range(len(self.noise))]
+        return [self.blocks.cuts[self.blocks.cut_owner == m] for m in range(len(self.noise))]
 
 
 class Engine:
@@ -129,9 +134,9 @@ class Engine:
         self.slots = [
             TrainingSlot(programs, modes, levels, points) for modes in multistage.outcomes
         ]
-        for slot, known in zip(self.slots, cuts or [], strict=False):
-            slot.put(known)
-        self.slots[-1].put([multistage.terminal] * len(multistage.outcomes[-1]))
+        for slot, slot_cuts in zip(self.slots, cuts or [], strict=False):
+            slot.replace_cuts(slot_cuts)
+        self.slots[-1].replace_cuts([multistage.terminal] * len(multistage.outcomes[-1]))
 
     def forward(
         self, begin: Begin, rng: np.random.Generator, jump: Callable[[Floats], Floats] | None = None
@@ -152,24 +157,24 @@ class Engine:
             modes.append(mode)
             cost += spent
         terminal = self.multistage.terminal
-        cost += [terminal.value(x, at) for x, at in zip(states[-1], levels, strict=True)]
+        cost += [terminal.value(*end) for end in zip(states[-1], levels, strict=True)]
         return Paths(np.array(states), levels, np.array(modes[1:]), cost)
 
     def backward(self, states: Floats, levels: Floats) -> Cuts:
         """Cuts for every slot and mode at (slots, points, states); returns those of the whole."""
         transition = self.multistage.transition
         for t in range(self.multistage.slots - 1, 0, -1):
-            found = self.slots[t].expected(states[t], levels)
-            self.slots[t - 1].add([cuts.mixed(transition[t]) for cuts in found])
-        found = self.slots[0].expected(states[0], levels)
-        return Cuts.joined([cuts.mixed(transition[0]) for cuts in found])
+            expected = self.slots[t].expected(states[t], levels)
+            self.slots[t - 1].add_cuts([cuts.mixed(transition[t]) for cuts in expected])
+        expected = self.slots[0].expected(states[0], levels)
+        return Cuts.joined([cuts.mixed(transition[0]) for cuts in expected])
 
     def tidy(self, paths: list[Paths]) -> None:
         """Drops cuts that are highest at none of the states that paths have visited."""
         levels = np.concatenate([path.levels for path in paths])
         for t, slot in enumerate(self.slots[:-1]):
             states = np.concatenate([path.states[t + 1] for path in paths])
-            slot.put([cuts.useful(states, levels) for cuts in slot.cuts])
+            slot.replace_cuts([cuts.useful(states, levels) for cuts in slot.cuts])
 
     @property
     def cuts(self) -> list[list[Cuts]]:
@@ -222,15 +227,6 @@ def train(
                 engine.tidy(every)
         engine.tidy(every)
     return Trained(engine.cuts, root, np.array(bounds))
-
-
-def simulated(
-    multistage: Multistage, trained: Trained, begin: Begin, n: int, rng: np.random.Generator
-) -> Floats:
-    """(n,) $: costs of simulated paths of the policy; their mean estimates an upper bound."""
-    engine = Engine(multistage, trained.cuts, n)
-    states, levels = (np.repeat(np.asarray(x)[None], n, axis=0) for x in begin)
-    return engine.forward((states, levels), rng).cost
 
 
 def _stalled(bounds: list[float], settings: Settings) -> bool:

@@ -54,7 +54,7 @@ def water_values(
         case: a case, its file, or the name of an installed one.
         centre: slot of 15 minutes at which the storm is forecast to peak; -1: unknown.
         down: breakpoints that are down. Where they can hardly be, the mode most alike stands in.
-        soc: states of charge to ask for; a unit that cannot reach one is asked at its limit.
+        soc: states of charge; a unit that cannot reach one stands at its limit.
         end_value_per_mwh: worth of energy left at the end; the case's terminal value if omitted.
         book: cut sets; those of the case if omitted.
 
@@ -74,14 +74,14 @@ def water_values(
             hint="only lines marked `breakpoint = true` fail",
         )
     end = case.terminal_value_per_mwh if end_value_per_mwh is None else end_value_per_mwh
-    found = book.cut_set(centre, book.ends(end)[0])
+    cut_set = book.cut_set(centre, book.ends(end)[0])
     status = np.isin(book.lines, down)
     levels = book.climate.levels.mean(axis=0)
     units = book.fleet.microgrid.case.ess
     size, low, high = (np.array([getattr(u, k) for u in units]) for k in _KEYS)
     slopes = [
-        [-found.cuts(t, status).slope(size * np.clip(level, low, high), levels) for level in soc]
-        for t in range(found.multistage.slots)
+        [-cut_set.cuts(t, status).slope(size * np.clip(level, low, high), levels) for level in soc]
+        for t in range(cut_set.multistage.slots)
     ]
     words = f"centre {centre}" if centre >= 0 else "centre unknown"
     return WaterValues(

@@ -107,15 +107,15 @@ def _with_idle_columns(
     two_stage: TwoStage, extensive_form: Standard, vectors: Vectors, options: DecompositionOptions
 ) -> Vectors:
     """The vectors with the columns at zero that the options hold in the trunk and in branches."""
-    own = own_columns(extensive_form)
+    outside = own_columns(extensive_form)
     columns = [np.empty(0, np.intp)]
     if options.idle_trunk is not None:
         trunk_nodes = range(two_stage.trunk)
-        columns += _matching(own_columns(two_stage.first), own, options.idle_trunk, trunk_nodes)
+        columns += _matching(own_columns(two_stage.first), outside, options.idle_trunk, trunk_nodes)
     for k, idle in options.idle_branches.items():
         branch = two_stage.branches[k]
         inside = own_columns(two_stage.programs[branch.program])[branch.offset :]
-        columns += _matching(inside, own, idle, branch.nodes)
+        columns += _matching(inside, outside, idle, branch.nodes)
     idle_columns = np.concatenate(columns)
     return vectors.fixed(idle_columns, np.zeros(len(idle_columns)))
 

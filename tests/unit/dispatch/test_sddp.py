@@ -94,7 +94,7 @@ def test_where_the_storm_is_markov_the_bound_is_met() -> None:
 
 def test_units_that_behave_as_one_are_one() -> None:
     case = rs.load_case("ieee33-tou")
-    fleet = Fleet.of(case)
+    fleet = Fleet.of_case(case)
     assert fleet.names == ("ess1+ess4", "ess2", "ess3", "ess5")
     assert fleet.share == pytest.approx([2 / 3, 1.0, 1.0, 1 / 3, 1.0])
     day = fleet.microgrid.case
@@ -110,7 +110,7 @@ def test_units_that_start_apart_stay_apart() -> None:
     grid = [{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}]
     alike = small_case(ess=[one, {**one, "e_mwh": 4.0, "p_max_mw": 2.0}], grid=grid)
     other = small_case(ess=[one, {**one, "soc_initial": 0.4}], grid=grid)
-    assert [Fleet.of(case).n for case in (alike, other)] == [1, 2]
+    assert [Fleet.of_case(case).n for case in (alike, other)] == [1, 2]
 
 
 @pytest.fixture(scope="module")
@@ -236,13 +236,13 @@ def test_a_foreign_file_is_not_read(tmp_path: Path) -> None:
 def test_centres_share_a_cut_set_by_bins() -> None:
     case = village()
     listed = Book(case, Bell(centres=(24, 32)), cache=False)
-    assert listed.centres(32) == (32,)
-    assert listed.centres(-1) == (24, 32)
+    assert listed.storm_peaks(32) == (32,)
+    assert listed.storm_peaks(-1) == (24, 32)
     every = Book(case, Bell(), cache=False)
-    assert every.centres(19) == tuple(range(16, 24))
+    assert every.storm_peaks(19) == tuple(range(16, 24))
     unsure = Book(case, Bell(centres=(24, 32), centre_error_slots=2), cache=False)
-    assert unsure.centres(22) == (24,)
-    assert unsure.centres(60) == tuple(range(56, 64))
+    assert unsure.storm_peaks(22) == (24,)
+    assert unsure.storm_peaks(60) == tuple(range(56, 64))
 
 
 def test_more_than_six_breakpoints_are_refused() -> None:

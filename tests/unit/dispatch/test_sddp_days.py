@@ -7,7 +7,7 @@ import pytest
 
 import resilience as rs
 from resilience.case.days import held_out
-from resilience.dispatch.sddp.days import Days, learnt, past_days
+from resilience.dispatch.sddp.days import Days, fitted_climate, past_days
 from resilience.testing import small_case
 
 RNG = np.random.default_rng(4)
@@ -26,7 +26,7 @@ def week() -> Days:
 
 def test_a_mixture_is_recognised_whole_and_in_part() -> None:
     days = week()
-    climate = learnt(days, 1)
+    climate = fitted_climate(days, 1)
     np.testing.assert_allclose(climate.levels[1], [0.9, 0.0, 1.5], atol=1e-9)
     np.testing.assert_allclose(climate.levels[6], [0.0, 1.0, 1.1], atol=1e-9)
     np.testing.assert_allclose(climate.noise, 1.0, atol=1e-9)
@@ -39,7 +39,7 @@ def test_noise_keeps_the_mean_of_every_slot() -> None:
     days = week()
     rough = days.values * np.random.default_rng(0).uniform(0.8, 1.2, days.values.shape)
     noisy = Days(days.names, days.size, rough, days.off)
-    climate = learnt(noisy, 7)
+    climate = fitted_climate(noisy, 7)
     at = 9
     fit = np.array([[climate.profile(n, at, w) for n in days.names] for w in range(7)])
     order = np.argsort(
@@ -51,7 +51,7 @@ def test_noise_keeps_the_mean_of_every_slot() -> None:
 
 def test_noise_goes_from_light_to_heavy_net_load() -> None:
     case = rs.load_case("ieee33-tou")
-    climate = learnt(past_days(case), 3)
+    climate = fitted_climate(past_days(case), 3)
     mean = climate.levels.mean(axis=0)
     net = np.einsum("l,lps,wps,p->ws", mean, climate.basis, climate.noise, climate.size)
     assert (np.diff(net, axis=0) > 0.0).all()
@@ -78,5 +78,5 @@ def test_a_case_without_a_file_is_its_own_climate() -> None:
     )
     days = past_days(case)
     np.testing.assert_allclose(days.values[0, 0], case.profile("demand"))
-    assert learnt(days, 2).levels.tolist() == [pytest.approx([1.0])]
+    assert fitted_climate(days, 2).levels.tolist() == [pytest.approx([1.0])]
     assert (case.window.day_number(7), case.window.slot_of_day(7)) == (1, 1)
