@@ -79,7 +79,7 @@ class ScenarioProgram:
         two_stage: trunk, branches and data.
         distinct: the scenarios, each kept once.
         leaves: (distinct scenarios,) slot in which each leaves the trunk.
-        chain: (distinct scenarios,) index in `two_stage.branches` of each, -1 for the one that stays.
+        chain: (distinct scenarios,) index in `two_stage.branches`, -1 for the one that stays.
         slot: (nodes of the tree,) slot of every node.
     """
 
