@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CaseProgram:
-    """A program together with what it was made from.
+    """A program in numbers together with what it was made from.
 
     Attributes:
-        microgrid: the case at a level of physics.
-        standard: the program in standard form.
-        situation: profiles, line status and islands in every slot.
-        data: every datum of every component, (labels, slots).
-        x0: every state at the start, (labels,).
+        microgrid: the case's components at a level of physics.
+        standard: the program.
+        situation: status of lines, islands and profiles, slot by slot.
+        data: by name, (labels, slots) what goes into bounds, sides and prices.
+        x0: by name, (labels,) states at the start.
     """
 
     microgrid: Microgrid

@@ -21,7 +21,7 @@ from resilience.fragility.beliefs.conditional import DayDraw, LineHistory, days_
 from resilience.models.backends.highs import Highs
 from resilience.simulation.observation import Forecast
 
-AHEAD = WindowSteps(slots=4, blocks=3, block_slots=4)
+LOOKAHEAD_STEPS = WindowSteps(slots=4, blocks=3, block_slots=4)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,9 @@ class Lookahead:
         seed: of the sampled futures; they have nothing to do with the storms that come.
     """
 
-    def __init__(self, book: Book, paths: int, steps: WindowSteps = AHEAD, seed: int = 0) -> None:
+    def __init__(
+        self, book: Book, paths: int, steps: WindowSteps = LOOKAHEAD_STEPS, seed: int = 0
+    ) -> None:
         self.book, self.paths, self.steps, self.seed = book, paths, steps, seed
         self.merged = merged_grid(book.fleet.microgrid.case)
         case = book.case

@@ -30,7 +30,7 @@ from resilience.models.structures import (
 )
 from resilience.tolerances import COMPLEMENTARITY_TOLERANCE, CONFLICT_TOLERANCE, NLP_TOLERANCE
 
-WARM = {
+WARM_START_OPTIONS = {
     "warm_start_init_point": "yes",
     "mu_init": 1e-9,  # where the SOCP solver stopped; 1e-5 leaves its point, for 200 iterations
     "bound_push": 1e-6,
@@ -124,7 +124,7 @@ class NLP:
         if np.isfinite(self.time_limit):
             settings["max_wall_time"] = max(self.time_limit, 1.0)
         if self.start is not None:
-            settings |= WARM
+            settings |= WARM_START_OPTIONS
         return {"ipopt": settings, "print_time": False, "verbose_init": False}
 
     def _constraints(

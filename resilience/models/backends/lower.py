@@ -29,7 +29,7 @@ from resilience.models.structures import (
     UnrolledStructure,
 )
 from resilience.models.structures.base import BinaryRows
-from resilience.models.structures.disc import INNER
+from resilience.models.structures.disc import APOTHEM
 
 Integers = Literal["all", "none"]
 
@@ -64,7 +64,7 @@ class Lowered:
         """The program's vectors with those of the added rows and columns behind them."""
         extra = self.a.shape[1] - len(vectors.cost)
         rhs, low = self.rhs.copy(), np.where(self.equality, self.rhs, -np.inf)
-        apothem = self.rhs[self.disc_rows] * (INNER if self.discs == "inner" else 1.0)
+        apothem = self.rhs[self.disc_rows] * (APOTHEM if self.discs == "inner" else 1.0)
         low[self.disc_rows] = -apothem - self.disc_shift
         rhs[self.disc_rows] = apothem - self.disc_shift
         return Vectors(

@@ -75,7 +75,12 @@ class Tree:
 
 @dataclass(frozen=True)
 class Cut:
-    """future cost >= alpha + sum(beta[name] * state[name]) at the end of every leaf, in $."""
+    """future cost >= alpha + sum(beta[name] * state[name]) at the end of every leaf.
+
+    Attributes:
+        alpha: $.
+        beta: by name of a state, (labels,) $ per unit.
+    """
 
     alpha: float
     beta: dict[str, Floats]

@@ -13,7 +13,7 @@ from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods.answer import MethodOptions
 
-PHYSICAL = ("balance.p", "balance.q", "line.voltage")
+PHYSICAL_ROWS = ("balance.p", "balance.q", "line.voltage")
 SEARCH_S = 10.0  # for each of the two searches
 MAX_LISTED = 8  # groups of conflicting rows in an error
 
@@ -91,7 +91,7 @@ def conflict(program: CaseProgram, solver: Highs) -> list[str]:
     other, or else the balances and voltages that have to be missed.
     """
     standard = program.standard
-    physical = [row.name for row in standard.form.stage.rows if row.name in PHYSICAL]
+    physical = [row.name for row in standard.form.stage.rows if row.name in PHYSICAL_ROWS]
     rows = np.concatenate([standard.rows(name).ravel() for name in physical])
     return solver.conflict() or solver.missed(rows)
 

@@ -35,7 +35,7 @@ from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 Rows = tuple[sp.csr_array, Floats]
-ROUNDS = 30  # tangents alone converge in about nine
+MAX_ROUNDS = 30  # tangents alone converge in about nine
 
 
 @dataclass
@@ -121,7 +121,7 @@ def _solve(
     if integer == "all" and standard.integer.any():
         with phase("linear program", "bound"):
             search.bound = _relaxed_bound(search)
-    for k in range(ROUNDS):
+    for k in range(MAX_ROUNDS):
         with phase("linear program", f"round {k + 1}"):
             relaxed = _relaxed(search)
             broken = broken_modes(standard, relaxed.point)

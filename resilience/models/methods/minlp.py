@@ -42,7 +42,7 @@ from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
-ROUNDS = 20
+MAX_ROUNDS = 20
 MILP_SHARE = 0.5  # of the time that remains that one MILP may take
 
 
@@ -121,7 +121,7 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
         _start(search)
     else:
         _plan(search, first, with_integers_held(program, first.point), first.point)
-    for k in range(ROUNDS):
+    for k in range(MAX_ROUNDS):
         if search.done or (k and search.late) or not _round(search, k + 1):
             break
     if search.best.z is None:

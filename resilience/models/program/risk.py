@@ -21,7 +21,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Standard, Values
 from resilience.tolerances import PROBABILITY_TOLERANCE
 
-FORM = "cvar:ALPHA:WEIGHT"
+RISK_FORM = "cvar:ALPHA:WEIGHT"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Risk:
             understood = False
         if not understood:
             raise UsageError(
-                f"risk {text!r} is unknown; allowed: mean, {FORM}",
+                f"risk {text!r} is unknown; allowed: mean, {RISK_FORM}",
                 hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
             )
         return cls(alpha, weight)

@@ -23,7 +23,9 @@ from resilience.arrays import Floats
 from resilience.models.structures.base import SecondOrder, Structure, UnrolledStructure
 
 SIDES = 12  # even: opposite sides share a row
-INNER = float(np.cos(np.pi / SIDES))  # distance of a side from the centre, the vertices being at 1
+APOTHEM = float(
+    np.cos(np.pi / SIDES)
+)  # distance of a side from the centre, the vertices being at 1
 Discs = Literal["inner", "outer"]
 """Whether polygons lie within their discs or around them."""
 

@@ -30,7 +30,7 @@ from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 from resilience.tolerances import SCENARIO_GAP
 
-ROUNDS = 200
+MAX_ROUNDS = 200
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
     trial = trial or master.solve()
     best: tuple[float, Trial, SecondStage, Floats] | None = None
     bound, start_cost = -np.inf, None
-    for k in range(ROUNDS):
+    for k in range(MAX_ROUNDS):
         with phase(
             "scenarios", f"round {k + 1}" + ("" if best is None else _so_far(best[0], bound))
         ):
@@ -122,7 +122,7 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
         if gap(best[0], bound) <= options.gap:
             break
     else:
-        raise SolverError(f"the L-shaped method did not close its gap in {ROUNDS} rounds")
+        raise SolverError(f"the L-shaped method did not close its gap in {MAX_ROUNDS} rounds")
     value, trial, second, cost = best
     done: Status = "optimal" if gap(value, bound) <= options.gap else "feasible"
     return TwoStageSolution(
