@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def test_by_hand() -> None:
 
 def test_inland_decay() -> None:
     found = sea().to(exposure="land", roughness="tchazards", inland_km=[0.0, 0.4])
-    np.testing.assert_allclose(found.speed_mps[:, 0], [40.0, 40 * (0.66 + 0.34 / np.e)])
+    np.testing.assert_allclose(found.speed_mps[:, 0], [40.0, 40 * (0.66 + 0.34 / math.e)])
 
 
 def test_there_and_back() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ def largest(model: str, track: Track) -> float:
     """Of each model at R: from its wind, or from its pressure deficit of 70 hPa."""
     f = 2 * 7.29e-5 * np.sin(np.radians(abs(track.lat[0])))
     b = -4.4e-5 * 70**2 + 0.01 * 70 - 0.014 * abs(track.lat[0]) + 1.0  # no motion, no deepening
-    pressure = np.sqrt(b * 7000.0 / (1.15 * np.e))
+    pressure = np.sqrt(b * 7000.0 / (1.15 * math.e))
     return float(
         {
             "holland1980": 50.0,
@@ -81,7 +83,7 @@ def test_holland_1980_has_limits_for_b() -> None:
     """A deficit of 200 hPa is too deep for 50 m/s: B = 1, sqrt(dp / (rho e)) 0.9 = 71.97 m/s."""
     deep = cyclone(at=EQUATOR, pressure_hpa=850.0, penv_hpa=1050.0)
     found = along_a_ray("holland1980", deep, np.array([R]))[0]
-    assert found == pytest.approx(0.9 * np.sqrt(20_000 / (1.15 * np.e)), rel=1e-6)
+    assert found == pytest.approx(0.9 * np.sqrt(20_000 / (1.15 * math.e)), rel=1e-6)
 
 
 def test_holland_2008_sees_deepening() -> None:
@@ -90,7 +92,7 @@ def test_holland_2008_sees_deepening() -> None:
     lat, lon = around(EQUATOR, R, 90.0)
     found = wind(falling, lat, lon, model="holland2008").speed_mps[0, 8]
     b = -4.4e-5 * 70**2 + 0.7 + 1.0 - 0.03
-    assert found == pytest.approx(np.sqrt(b * 7000 / (1.15 * np.e)), rel=1e-6)
+    assert found == pytest.approx(np.sqrt(b * 7000 / (1.15 * math.e)), rel=1e-6)
 
 
 def test_holland_2010_meets_its_outer_point() -> None:
