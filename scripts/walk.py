@@ -44,7 +44,7 @@ def walk(arguments: list[str]) -> list[str]:
             imports_open += {"call": 1, "return": -1}.get(event, 0)
         elif event == "call" and not imports_open and code.co_filename.startswith(str(PACKAGE)):
             path = Path(code.co_filename).relative_to(PACKAGE).with_suffix("")
-            if path.name != "__init__":  # which only looks up where a public name lives
+            if path.name not in ("__init__", "lazy"):  # which look up where a public name lives
                 modules.setdefault(".".join(path.parts))
 
     argv, sys.argv = sys.argv, ["resilience", *arguments]

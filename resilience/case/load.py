@@ -72,20 +72,27 @@ def build_case(document: Document) -> Case:
         parts.devices[kind] = [(table, title) for table, title, _ in tables]
     outage = _read_outage(document)
     check_parts(parts)
-    check_geography(parts)
-    check_storm(parts)
+    if parts.storm is not None or parts.geography is not None or parts.inline.buses:
+        check_geography(parts)
+    if parts.storm is not None:
+        check_storm(parts, parts.storm)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
-    if not document.mistakes:
-        check_reserve(parts, head)
+    if head.reserve_price_per_mwh is not None and not document.mistakes:
+        check_reserve(parts, head.reserve_price_per_mwh)
     if document.mistakes or parts.network is None or parts.window is None:
         raise CaseError(document.mistakes)
     path, window = document.path, parts.window
-    plants, reduced = under_cloud((d for d, _ in parts.devices["pv"]), profiles, parts)
-    grids = [table for table, _ in parts.devices["grid"]]
     devices: dict[str, tuple[DeviceTable, ...]] = {
         kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
     }
+    if parts.storm is not None:
+        plants = (table for table, _ in parts.devices["pv"])
+        devices["pv"], reduced = under_cloud(plants, profiles, parts)
+        profiles |= reduced
+    grids = [table for table, _ in parts.devices["grid"] if table.tariff is not None]
+    if grids:
+        profiles |= tariff_profiles(grids, profiles, window)
     return Case(
         name=head.name or (path.stem if path else "case"),
         description=head.description,
@@ -94,9 +101,9 @@ def build_case(document: Document) -> Case:
         start=window.start,
         slots=window.slots,
         step_min=window.step_min,
-        devices=devices | {"pv": plants},
+        devices=devices,
         line=tuple(line for line, _ in parts.lines),
-        profiles=profiles | reduced | tariff_profiles(grids, profiles, window),
+        profiles=profiles,
         outages=outages,
         outage=outage,
         geography=parts.geography,
@@ -177,7 +184,8 @@ def _read_network(parts: Parts) -> None:
     if raw is None:
         return
     head = {key: value for key, value in raw.items() if key not in ("bus", "line")}
-    parts.inline = read_inline(document, raw.get("bus", []), raw.get("line", []))
+    if "bus" in raw or "line" in raw:
+        parts.inline = read_inline(document, raw.get("bus", []), raw.get("line", []))
     table, sound = read_table(NetworkTable, head, document, "[network]", where)
     if not sound:
         # Names of buses and lines can be checked all the same: go on with the keys that are right.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Bools, Floats
+from resilience.models.algebra import Labels
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
@@ -41,6 +42,16 @@ class CaseProgram:
     def vectors(self) -> Vectors:
         """Cost, bounds and right-hand sides for the case's own data."""
         return self.standard.vectors(self.data, self.x0)
+
+    @property
+    def slot_variables(self) -> Labels:
+        """`ess.charge[ess1]`, ...: every variable of a slot."""
+        blocks = self.standard.form.own_blocks
+        return tuple(f"{block.name}[{label}]" for block in blocks for label in block.labels)
+
+    def slot_values(self, z: Floats) -> Floats:
+        """(variables, slots) the values of all columns, as `slot_variables` names them."""
+        return z[self.standard.copies[0].own_columns].T
 
     @property
     def case(self) -> Case:

@@ -23,8 +23,7 @@ from resilience.models.components import (
 )
 from resilience.models.language.stage import Stage
 from resilience.models.network.graph import bundle, closable, cycle, exchange, merge
-from resilience.models.network.islands import Islands
-from resilience.models.network.situation import Situation
+from resilience.models.network.situation import Islands, Situation
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network

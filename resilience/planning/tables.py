@@ -12,7 +12,6 @@ from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
-from resilience.simulation.replay import per_slot, variables
 
 _UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
@@ -73,8 +72,7 @@ def tabulate(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
     tables["power"] = _stacked(program, power)
     tables |= _wires(program, z)
     tables |= _states(program, z, as_switched(program, z))
-    standard = program.standard
-    return tables | {"variables": SlotTable(variables(standard), per_slot(standard, z))}
+    return tables | {"variables": SlotTable(program.slot_variables, program.slot_values(z))}
 
 
 def _stacked(program: CaseProgram, rows: Iterable[tuple[DeviceFleet, Floats]]) -> SlotTable:

@@ -13,7 +13,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.files import replacing_file
 from resilience.models.components import ESS, fleet_classes, in_roles
-from resilience.models.components.registry import AnyFleet
+from resilience.models.components.fleet import AnyFleet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,7 +28,6 @@ from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.microgrid import Physics
 from resilience.models.program.form import Form
 from resilience.models.program.referee import Audit, audit
-from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 from resilience.models.structures import Largest
 
@@ -96,22 +95,12 @@ def replay(plan: Decided) -> Replayed:
         )
     program = horizon(plan.case, cast(Physics, plan.physics))
     table = plan.tables["variables"]
-    if table.labels != variables(program.standard):
+    if table.labels != program.slot_variables:
         raise UsageError(
             "the plan's variables are not those of its case at its physics",
             hint="it was saved by another version; solve the case again",
         )
     return redo(program, table.values)
-
-
-def variables(standard: Standard) -> Labels:
-    """`ess.charge[ess1]`, ...: every variable of a slot, in the order of `per_slot`."""
-    return tuple(f"{b.name}[{label}]" for b in standard.form.own_blocks for label in b.labels)
-
-
-def per_slot(standard: Standard, z: Floats) -> Floats:
-    """(variables, slots) the values of a horizon's columns."""
-    return z[standard.copies[0].own_columns].T
 
 
 def redo(program: CaseProgram, decisions: Floats) -> Replayed:

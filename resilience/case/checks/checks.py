@@ -7,8 +7,7 @@ from collections import defaultdict
 import numpy as np
 
 from resilience.case.checks.parts import Parts
-from resilience.case.checks.rules import broken_rules
-from resilience.case.checks.units import check_units
+from resilience.case.checks.rules import broken_rules, check_units
 from resilience.case.document import entry_name
 from resilience.case.networks.network import Network
 from resilience.case.reading import show

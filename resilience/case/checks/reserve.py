@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from resilience.case.checks.parts import Parts
-from resilience.case.schema import DeviceTable, HeadTable
+from resilience.case.schema import DeviceTable
 
 
 def reserve_price_range(devices: Iterable[DeviceTable]) -> tuple[float, float]:
@@ -20,11 +20,8 @@ def reserve_price_range(devices: Iterable[DeviceTable]) -> tuple[float, float]:
     return max(costs, default=0.0), min(losses, default=0.0)
 
 
-def check_reserve(parts: Parts, head: HeadTable) -> None:
-    """Notes a reserve price that lies outside its range; devices must be sound."""
-    price = head.reserve_price_per_mwh
-    if price is None:
-        return
+def check_reserve(parts: Parts, price: float) -> None:
+    """Notes a reserve price, per MWh, that lies outside its range; devices must be sound."""
     low, high = reserve_price_range(device for _, device, _ in parts.all_devices())
     if low < price < high:
         return

@@ -24,11 +24,8 @@ _LIMITS = (
 )
 
 
-def check_storm(parts: Parts) -> None:
+def check_storm(parts: Parts, storm: StormTable) -> None:
     """Notes what is wrong with `[storm]`."""
-    storm = parts.storm
-    if storm is None:
-        return
     parts.document.add_findings(("storm",), "[storm]", storm_findings(storm))
     _check_day(parts, storm)
     _check_priority(parts, storm)

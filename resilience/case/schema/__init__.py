@@ -1,23 +1,21 @@
 """The tables of a case file; their JSON Schema is the reference of the format."""
 
 from resilience.case.schema.devices import (
+    DEVICES,
+    DeviceKind,
     DeviceTable,
     ESSTable,
     GeneratorTable,
     GridTable,
     LoadTable,
     PVTable,
-)
-from resilience.case.schema.fields import Table
-from resilience.case.schema.registry import (
-    DEVICES,
-    DeviceKind,
     case_schema,
     case_table,
     defaults_table,
     register_device,
     unregister_device,
 )
+from resilience.case.schema.fields import Table
 from resilience.case.schema.storm import (
     CloudTable,
     CurveTable,

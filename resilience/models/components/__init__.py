@@ -3,18 +3,20 @@
 from resilience.models.components.base import Component, Injection
 from resilience.models.components.bus import Buses
 from resilience.models.components.ess import ESS
-from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
-from resilience.models.components.generator import Generators
-from resilience.models.components.grid import Grids
-from resilience.models.components.line import Lines
-from resilience.models.components.load import Loads
-from resilience.models.components.pv import PV
-from resilience.models.components.registry import (
+from resilience.models.components.fleet import (
+    DeviceFleet,
+    EnergyTerm,
+    Role,
     device_fleets,
     fleet_class,
     fleet_classes,
     in_roles,
 )
+from resilience.models.components.generator import Generators
+from resilience.models.components.grid import Grids
+from resilience.models.components.line import Lines
+from resilience.models.components.load import Loads
+from resilience.models.components.pv import PV
 from resilience.models.components.topology import Topology
 
 __all__ = [

@@ -6,12 +6,15 @@ Components turn a situation into the data of a problem. Line status is an input;
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Labels
-from resilience.models.network.islands import Islands
 
 
 @dataclass(frozen=True)
@@ -53,3 +56,84 @@ class Situation:
     def alive_at(self, bus: Ints) -> Floats:
         """(devices, nodes) `alive` of the buses where devices stand."""
         return self.alive[bus]
+
+
+MAX_NUMBERS = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in all
+
+
+@dataclass
+class Islands:
+    """Islands of a network, found once per pattern of line status, radial or meshed.
+
+    Args:
+        ends: (2, lines) bus indices of every line.
+        forming: (buses,) whether a bus has a grid-forming unit.
+    """
+
+    ends: Ints
+    forming: Bools
+    _column: dict[int | bytes, int] = field(default_factory=dict, repr=False)
+    _island: Ints = field(init=False, repr=False)
+    _alive: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._forget()
+
+    @property
+    def patterns(self) -> int:
+        """How many patterns are known."""
+        return len(self._column)
+
+    def lookup(self, line_up: Bools) -> tuple[Ints, Floats]:
+        """(buses, nodes) number of every bus's island, from 0, and 1 where that has a source.
+
+        Args:
+            line_up: (lines, nodes) whether a line can carry power.
+        """
+        keys, first, pattern = np.unique(_keys(line_up), return_index=True, return_inverse=True)
+        names = keys.tolist()
+        new = [k for k, name in enumerate(names) if name not in self._column]
+        if new:
+            self._learn([names[k] for k in new], line_up[:, first[new]])
+            # To learn may have been to forget: then what was known before is learnt, too.
+            if any(name not in self._column for name in names):
+                self._learn(names, line_up[:, first])
+        columns = np.array([self._column[name] for name in names], np.intp)[pattern]
+        return self._island[:, columns], self._alive[:, columns]
+
+    def _forget(self) -> None:
+        self._column.clear()
+        self._island = np.empty((len(self.forming), 0), np.intp)
+        self._alive = np.empty((len(self.forming), 0))
+
+    def _learn(self, names: list[int | bytes], line_up: Bools) -> None:
+        if self._island.size + line_up.shape[1] * len(self.forming) > MAX_NUMBERS:
+            self._forget()
+        start = self._island.shape[1]
+        self._column.update({name: start + k for k, name in enumerate(names)})
+        island = self._search(line_up)
+        patterns = np.broadcast_to(np.arange(island.shape[1]), island.shape)
+        has_source = np.zeros((island.max(initial=0) + 1, island.shape[1]), bool)
+        has_source[island[self.forming], patterns[self.forming]] = True
+        self._island = np.concatenate([self._island, island], axis=1)
+        self._alive = np.concatenate([self._alive, has_source[island, patterns] * 1.0], axis=1)
+
+    def _search(self, line_up: Bools) -> Ints:
+        """All patterns side by side in one graph: a search costs more to begin than to do."""
+        buses, patterns = len(self.forming), line_up.shape[1]
+        line, pattern = np.nonzero(line_up)
+        i, j = self.ends[:, line] + pattern * buses
+        n = buses * patterns
+        graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
+        number = connected_components(graph, directed=False)[1].reshape(patterns, buses)
+        number = number - number.min(axis=1, keepdims=True, initial=n)  # from 0 in every pattern
+        return number.T.astype(np.intp)
+
+
+def _keys(line_up: Bools) -> np.ndarray:
+    """(nodes,) one number, or one string of bytes, per pattern."""
+    lines = len(line_up)
+    if lines <= 64:
+        return (np.uint64(1) << np.arange(lines, dtype=np.uint64)) @ line_up.astype(np.uint64)
+    packed = np.ascontiguousarray(np.packbits(line_up, axis=0).T)
+    return packed.view(np.dtype((np.void, packed.shape[1]))).ravel()

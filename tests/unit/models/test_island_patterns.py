@@ -8,8 +8,8 @@ import pytest
 
 import resilience as rs
 from resilience.models.microgrid import Microgrid
-from resilience.models.network import islands as module
-from resilience.models.network.islands import Islands
+from resilience.models.network import situation as module
+from resilience.models.network.situation import Islands
 
 
 def agree(table: Islands, up: np.ndarray) -> None:
