@@ -128,8 +128,8 @@ class Case:
         if name is None:
             return np.ones(self.slots)
         if name not in self.profiles:
-            known = ", ".join(self.profiles) or "none"
-            raise UsageError(f"profile {name!r} is not in the case", f"known are {known}")
+            names = ", ".join(self.profiles) or "none"
+            raise UsageError(f"profile {name!r} is not in the case", f"known are {names}")
         return self.profiles[name]
 
     def slot_label(self, t: int) -> str:
