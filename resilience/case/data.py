@@ -33,7 +33,13 @@ AnyDevice = TypeVar("AnyDevice", bound=DeviceTable)
 
 @dataclass(frozen=True)
 class Outage:
-    """One line down in the slots `first .. stop - 1`; a slot it touches at all counts as down."""
+    """One line that is down; a slot that an outage touches at all counts as down.
+
+    Attributes:
+        line: name of the line.
+        first: first slot in which it is down.
+        stop: first slot after it in which the line is back.
+    """
 
     line: str
     first: int
@@ -44,15 +50,30 @@ class Outage:
 class Case:
     """A microgrid, its horizon, and the outages to plan for.
 
-    `devices` holds the tables of every kind of device by its key, in the order of the file;
-    `case.ess` is short for `case.devices["ess"]`. Powers are in MW, energies in MWh, prices
-    per MWh. `profiles` holds arrays of shape `(slots,)` in per unit of the device's peak, and a
-    grid's tariff per MWh under its `tariff_profile`. `line` has what the file says of single lines
-    of the network. `outages` are those to plan for, `outage` is
-    the process that others are drawn from, unless there is a `storm`. `places` are the (x, y) of
-    buses in the network's source, and `geography` says how they are points on the earth. `source`
-    is the merged case file as plain data, and `rebuild` reads it again
-    with changes; whoever reads cases gives itself.
+    Powers are in MW, energies in MWh, prices per MWh; `case.ess` is short for
+    `case.devices["ess"]`.
+
+    Attributes:
+        name: what results are called after.
+        description: what it is, for people.
+        path: of its file; None where it came from none.
+        network: buses and lines.
+        start: when the first slot begins, local time.
+        slots: length of the horizon.
+        step_min: length of a slot, min.
+        profiles: (slots,) per unit of the devices' peaks by name, and tariffs per MWh under each
+            grid's `tariff_profile`.
+        devices: tables of every kind of device by its key, in the order of the file.
+        line: what the file says of single lines of the network.
+        outages: to plan for.
+        terminal_value_per_mwh: credit for energy stored at the end.
+        reserve_price_per_mwh: of being short of the storm reserve; None: from other prices.
+        source: the merged case file as plain data.
+        rebuild: reads the file again with changes; whoever reads cases gives itself.
+        outage: the process that outages are drawn from, unless there is a storm.
+        geography: how `places` are points on the earth.
+        storm: weather on a track, what it breaks, and how that is mended.
+        places: (x, y) of buses by name, in the network's source.
     """
 
     name: str
@@ -124,7 +145,11 @@ class Case:
         return Window(self.start, self.slots, self.step_min)
 
     def profile(self, name: str | None) -> Floats:
-        """Return a profile over the horizon, shape `(slots,)`; ones for `None`."""
+        """A profile over the horizon, (slots,); ones for None.
+
+        Raises:
+            UsageError: the case has no profile of that name.
+        """
         if name is None:
             return np.ones(self.slots)
         if name not in self.profiles:
@@ -133,25 +158,32 @@ class Case:
         return self.profiles[name]
 
     def slot_label(self, t: int) -> str:
-        """Return the time at which slot `t` starts: `14:30`, or `d2 14:30` beyond one day."""
+        """When slot `t` starts: `14:30`, or `d2 14:30` beyond one day."""
         return self.window.label(t)
 
     def replace(self, **changes: Any) -> Case:
-        """Return a copy with another horizon, other outages or other values.
+        """A copy with another horizon, other outages or other values.
 
         Sixteen days are `case.replace(start=datetime(2016, 8, 1), slots=16 * 96)`. Files are in
         memory after the first time, so this takes milliseconds.
         A new `start`, `slots` or `step_min` reads the profiles again and keeps outages at their
         times of day and date, as far as they fall into the new horizon. `outages` may be text, as
-        in a case file. Raises `CaseError` where the result is no valid case.
+        in a case file.
+
+        Raises:
+            CaseError: the result is no valid case; all mistakes are listed.
+            UsageError: a key that cannot be replaced.
         """
         return self.rebuild(self, changes)
 
     def with_line(self, name: str, **changes: Any) -> Case:
-        """Return a copy with other values for one line: `case.with_line("5-6", hardening=1.5)`.
+        """A copy with other values for one line: `case.with_line("5-6", hardening=1.5)`.
 
-        Takes the keys of `[[line]]`. Raises `UsageError` for a line the network lacks, and
-        `CaseError` where the result is no valid case.
+        Takes the keys of `[[line]]`.
+
+        Raises:
+            UsageError: the network has no such line.
+            CaseError: the result is no valid case; all mistakes are listed.
         """
         self.network.line(name)
         lines = {line.name: line for line in self.line}
@@ -159,7 +191,7 @@ class Case:
         return self.rebuild(self, {"line": [*(lines | {name: changed}).values()]})
 
     def equals(self, other: Case) -> bool:
-        """Say whether both cases mean the same, whatever files they came from."""
+        """Whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
         tables = ("outages", "outage", "geography", "line")
         plain = ("name", "description", *horizon, *tables)

@@ -28,7 +28,13 @@ MEMBERS = 16_384  # power flows at once: some ten MB each array for a feeder of 
 
 @dataclass(frozen=True)
 class WorstMember:
-    """Where a trajectory is worst: the value and its episode and slot."""
+    """Where a trajectory is worst.
+
+    Attributes:
+        value: in the unit of what is worst, pu, MVA or MW.
+        episode: number of the scenario.
+        slot: of the horizon.
+    """
 
     value: float
     episode: int
@@ -37,7 +43,15 @@ class WorstMember:
 
 @dataclass(frozen=True)
 class WorstValues:
-    """The worst values of a trajectory; None where there is no such value."""
+    """The worst values of a trajectory; None where there is no such value.
+
+    Attributes:
+        undervoltage_pu: lowest voltage of a live bus, pu.
+        overvoltage_pu: highest, pu.
+        overload_mva: largest flow beyond a line's rating, MVA.
+        root_excess_mw: most that forming units give or take beyond their ranges, MW.
+        not_converged: number of slots, over all episodes, without a solution.
+    """
 
     undervoltage_pu: WorstMember | None
     overvoltage_pu: WorstMember | None

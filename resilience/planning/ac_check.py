@@ -31,7 +31,15 @@ from resilience.tolerances import AC_LIMIT_TOLERANCE
 
 @dataclass(frozen=True)
 class WorstSlot:
-    """Where and when a limit is exceeded most; a negative excess is what is left to it."""
+    """Where and when a limit is exceeded most.
+
+    Attributes:
+        name: of the bus, line or unit.
+        time: of the slot.
+        value: there and then, pu, MVA or MW.
+        limit: in the same unit.
+        excess: beyond the limit; negative: what remains up to it.
+    """
 
     name: str
     time: str

@@ -65,7 +65,7 @@ MAX_NUMBERS = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in
 class Islands:
     """Islands of a network, found once per pattern of line status, radial or meshed.
 
-    Args:
+    Attributes:
         ends: (2, lines) bus indices of every line.
         forming: (buses,) whether a bus has a grid-forming unit.
     """
