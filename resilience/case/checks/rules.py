@@ -1,4 +1,7 @@
-"""Rules within one device table: what must hold between its keys, and what is plausible."""
+"""Rules for devices: what must hold between the keys of a table, and what is plausible.
+
+A slip of a factor of 1000 is given away by physics: kW as MW, mohm as ohm.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,13 @@ from resilience.tolerances import INPUT_TOLERANCE
 
 _MIN_HOURS, _MAX_HOURS = 0.02, 200.0
 """Of storage at full power; beyond either, energy and power are not in one unit."""
+_POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
+_MAX_CURRENT_KA = 10.0
+"""More than any device of a feeder draws."""
+_LARGE_CURRENT_KA, _MAX_TIMES_MEDIAN, _MIN_DEVICES, _MAX_FEEDER_KV = 1.0, 100.0, 3, 66.0
+"""On a feeder, a device beyond 1 kA and 100 times the median of three or more is a slip, too."""
+_MAX_DROP_PU = 20.0
+"""Of the voltage, if the whole load hung at the end of one line."""
 
 
 @dataclass(frozen=True)
@@ -145,15 +155,6 @@ def broken_rules(kind: str, device: DeviceTable) -> Iterator[Finding]:
 
 def _curve_text(curve: Sequence[tuple[float, float]]) -> str:
     return "p_mw = " + ", ".join(f"{point[0]:g}" for point in curve)
-
-
-_POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
-_MAX_CURRENT_KA = 10.0
-"""More than any device of a feeder draws."""
-_LARGE_CURRENT_KA, _MAX_TIMES_MEDIAN, _MIN_DEVICES, _MAX_FEEDER_KV = 1.0, 100.0, 3, 66.0
-"""On a feeder, a device beyond 1 kA and 100 times the median of three or more is a slip, too."""
-_MAX_DROP_PU = 20.0
-"""Of the voltage, if the whole load hung at the end of one line."""
 
 
 def check_units(parts: Parts, network: Network) -> None:

@@ -1,8 +1,14 @@
-"""The tables of devices: `[[load]]`, `[[pv]]`, `[[ess]]`, `[[generator]]`, `[[grid]]`.
+"""The tables of devices, and the one list of their kinds: whoever needs all loops over it.
 
-What their components need beyond the keys of a file is a property here, so that a table of another
-kind may have it, too: prices above all, which everybody who weighs one device against another asks
-every table for.
+What components need beyond the keys of a file is a property of the table, so that a table of
+another kind may have it, too: prices above all, which everybody who weighs one device against
+another asks every table for.
+
+A kind is a key of case files, the table behind that key, and the component that holds its physics.
+The component stands in `DEVICES` by name, because cases know nothing of models. A kind of your own
+is one file with table and component, and one call before the case is read:
+
+    register_device(DeviceKind("wind", WindTable, "my_package.wind:Wind"))
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """What a fleet of devices is: a component, and the facts of it that everybody else reads.
 
 Capacities, islands, plan tables, energy balances, pictures, reports, AC checks and rules are made
-from these facts, so that nobody but the fleet itself knows which kinds of devices there are.
+from these facts, so that nobody but the fleet itself knows which kinds of devices there are. The
+fleets of a case are found through `DEVICES`, the registry of kinds.
 """
 
 from __future__ import annotations

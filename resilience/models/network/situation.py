@@ -1,6 +1,7 @@
 """What the world is like at every node: profiles, line status, and which buses still have a source.
 
-Components turn a situation into the data of a problem. Line status is an input; islands follow.
+Components turn a situation into the data of a program. Line status is an input; islands follow,
+looked up by the pattern of lines that are up.
 """
 
 from __future__ import annotations
