@@ -23,6 +23,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "resilience"
 PAGE = ROOT / "docs" / "concepts" / "architecture.md"
 SHOWN = ["solve", "ieee33", "--method", "minlp"]
+FENCE = '```text title="the walk"\n'
+"""What the listing on the page stands behind."""
 
 
 def walk(arguments: list[str]) -> list[str]:
@@ -71,14 +73,14 @@ def listing(modules: list[str]) -> str:
         about = (
             re.sub(r"\s*\([^)]*\)", "", text.partition("\n\n")[0]).partition(". ")[0].rstrip(".")
         )
-        lines.append(f"{place:2} {name:27} {shorten(about, 72, placeholder=' ...')}".rstrip())
+        lines.append(f"{place:2} {name:32} {shorten(about, 66, placeholder=' ...')}".rstrip())
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     """Prints the walk, or pastes it into the page that shows it."""
     if sys.argv[1:] == ["--paste"]:
-        head, fence, tail = PAGE.read_text(encoding="utf-8").partition("```text walk\n")
+        head, fence, tail = PAGE.read_text(encoding="utf-8").partition(FENCE)
         _, end, tail = tail.partition("```\n")
         PAGE.write_text(head + fence + listing(walk(SHOWN)) + end + tail, encoding="utf-8")
     else:

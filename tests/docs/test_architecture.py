@@ -23,6 +23,6 @@ def test_the_walk_is_that_of_today() -> None:
         check=True,
     )
     walked = set(LINE.findall(done.stdout))
-    shown = set(LINE.findall(page.partition("```text walk\n")[2].partition("```")[0]))
+    shown = set(LINE.findall(page.partition('```text title="the walk"\n')[2].partition("```")[0]))
     assert "models.methods.minlp" in walked
     assert walked == shown, "python scripts/walk.py --paste"

@@ -67,6 +67,13 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert found.exists() or found in GENERATED, target
 
 
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.stem)
+def test_code_is_shown_as_code(page: Path) -> None:
+    """A fence with more behind it than a language and a title is shown as running text."""
+    fences = re.findall(r"(?m)^ *```(.+)$", page.read_text(encoding="utf-8"))
+    assert [f for f in fences if not re.fullmatch(r'\w+( title="[^"]+")?', f)] == []
+
+
 def test_home_page_has_the_commands_of_the_readme() -> None:
     commands = [
         {b.body for b in blocks(path.read_text(encoding="utf-8")) if "python3 -m" in b.body}
