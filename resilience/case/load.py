@@ -83,16 +83,7 @@ def build_case(document: Document) -> Case:
     if document.mistakes or parts.network is None or parts.window is None:
         raise CaseError(document.mistakes)
     path, window = document.path, parts.window
-    devices: dict[str, tuple[DeviceTable, ...]] = {
-        kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
-    }
-    if parts.storm is not None:
-        plants = (table for table, _ in parts.devices["pv"])
-        devices["pv"], reduced = under_cloud(plants, profiles, parts)
-        profiles |= reduced
-    grids = [table for table, _ in parts.devices["grid"] if table.tariff is not None]
-    if grids:
-        profiles |= tariff_profiles(grids, profiles, window)
+    devices = _finished_devices(parts, profiles, window)
     return Case(
         name=head.name or (path.stem if path else "case"),
         description=head.description,
@@ -114,6 +105,23 @@ def build_case(document: Document) -> Case:
         source=document.data,
         rebuild=_rebuild,
     )
+
+
+def _finished_devices(
+    parts: Parts, profiles: dict[str, Floats], window: Window
+) -> dict[str, tuple[DeviceTable, ...]]:
+    """The tables of every kind; profiles of a cloud and of tariffs are added to `profiles`."""
+    devices: dict[str, tuple[DeviceTable, ...]] = {
+        kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
+    }
+    if parts.storm is not None:
+        plants = (table for table, _ in parts.devices["pv"])
+        devices["pv"], reduced = under_cloud(plants, profiles, parts)
+        profiles |= reduced
+    grids = [table for table, _ in parts.devices["grid"] if table.tariff is not None]
+    if grids:
+        profiles |= tariff_profiles(grids, profiles, window)
+    return devices
 
 
 def _rebuild(case: Case, changes: dict[str, Any]) -> Case:

@@ -65,12 +65,10 @@ def scenarios(
         "centre_error_slots": centre_error_slots,
         "rate": rate,
     }
-    of_track: options.TrackFileOptions = {
-        "track": track,
-        "storm": storm,
-        "averaging_s": averaging_s,
-    }
-    drawn = draw(loaded, n, seed, days=days, shift=shift, **of_track, **bell)
+    drawn = draw(
+        loaded, n, seed, days=days, shift=shift,
+        track=track, storm=storm, averaging_s=averaging_s, **bell,
+    )  # fmt: skip
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
         drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
