@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, TypedDict
+from typing import Annotated
 
 from typer import Option
 
@@ -42,21 +42,3 @@ Reduce = Annotated[
     int | None,
     Option(help="Keep so many that stand best for all; their weights add up to 1.", min=1),
 ]
-
-
-class BellOptions(TypedDict):
-    """Fields of `Bell` as a command line gives them, documented there; None: as the case says."""
-
-    probability: float | None
-    height: float | None
-    sigma_slots: float | None
-    duration_slots: tuple[int, int] | None
-    shift_slots: int | None
-    shared_shift: bool | None
-    common_draw: bool | None
-    refail: bool | None
-    wrap: bool | None
-    overnight: bool | None
-    centres: tuple[int, ...] | None
-    centre_error_slots: int | None
-    rate: bool | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, TypedDict
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -154,17 +154,3 @@ ReportFolder = Annotated[
     Path | None,
     Option(help="Folder for the report and its data; an interrupted run goes on from it."),
 ]
-
-
-class TrackFileOptions(TypedDict):
-    """The storm to draw for, as a command line gives it; None: the case's.
-
-    Attributes:
-        track: its file.
-        storm: which one, of several in the file.
-        averaging_s: of the file's winds, s, where it does not say.
-    """
-
-    track: Path | None
-    storm: str | None
-    averaging_s: float | None

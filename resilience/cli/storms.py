@@ -12,6 +12,7 @@ from resilience.cli import bell_options, options, terminal
 
 if TYPE_CHECKING:
     from resilience.case import Case
+    from resilience.fragility.outages.bell import BellSettings
     from resilience.fragility.outages.scenarios import Scenarios
 
 
@@ -50,7 +51,7 @@ def scenarios(
     if out is not None:
         check_suffix(out)
     loaded = rs.load_case(case)
-    bell: bell_options.BellOptions = {
+    bell: BellSettings = {
         "probability": probability,
         "height": height,
         "sigma_slots": sigma_slots,

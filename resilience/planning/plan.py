@@ -23,6 +23,7 @@ from resilience.planning.records import (
     CertifiedPlan,
     Costs,
     Horizon,
+    read_record,
     read_tables,
     write_plan,
 )
@@ -159,7 +160,7 @@ def load_plan(folder: str | Path) -> Plan:
         name=summary["name"],
         method=summary["method"],
         physics=summary["physics"],
-        certificate=Certificate.read(summary),
+        certificate=read_record(Certificate, summary),
         totals=Costs(
             objective=summary["objective"],
             operating_cost=summary["operating_cost"],

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from resilience.planning.tables import SlotTable
 
@@ -42,19 +42,6 @@ class Certificate:
     relaxed: list[str]
     audit: dict[str, float]
     audit_worst: str
-
-    @classmethod
-    def read(cls, summary: Mapping[str, Any]) -> Certificate:
-        """The certificate in what `summary` of a plan gave."""
-        return cls(
-            status=summary["status"],
-            bound=summary["bound"],
-            gap=summary["gap"],
-            bound_of=summary["bound_of"],
-            relaxed=summary["relaxed"],
-            audit=summary["audit"],
-            audit_worst=summary["audit_worst"],
-        )
 
 
 @dataclass(frozen=True)
@@ -93,17 +80,6 @@ class ScenarioStatistics:
     expected_shed_mwh: float
     shed_probability: float
 
-    @classmethod
-    def read(cls, summary: Mapping[str, Any]) -> ScenarioStatistics:
-        """The statistics in what `summary` of a plan gave."""
-        return cls(
-            expected_cost=summary["expected_cost"],
-            cvar_95_cost=summary["cvar_95_cost"],
-            worst_cost=summary["worst_cost"],
-            expected_shed_mwh=summary["expected_shed_mwh"],
-            shed_probability=summary["shed_probability"],
-        )
-
 
 @dataclass(frozen=True)
 class InformationValue:
@@ -120,16 +96,6 @@ class InformationValue:
     mean_value_cost: float | None
     value_of_stochastic_solution: float | None
     value_of_perfect_information: float
-
-    @classmethod
-    def read(cls, summary: Mapping[str, Any]) -> InformationValue:
-        """The values in what `summary` of a plan gave."""
-        return cls(
-            clairvoyant_cost=summary["clairvoyant_cost"],
-            mean_value_cost=summary["mean_value_cost"],
-            value_of_stochastic_solution=summary["value_of_stochastic_solution"],
-            value_of_perfect_information=summary["value_of_perfect_information"],
-        )
 
 
 @dataclass(frozen=True)
@@ -160,6 +126,9 @@ class Horizon:
 
         index = pd.DatetimeIndex(self.times(table.values.shape[1]), name="time")
         return pd.DataFrame(table.values.T, index=index, columns=list(table.labels))
+
+
+Record = TypeVar("Record", Certificate, ScenarioStatistics, InformationValue)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +209,11 @@ class CertifiedPlan:
     def summary(self) -> dict[str, Any]:
         """Everything but the tables, as plain data."""
         return {key: getattr(self, key) for key in self.summary_keys}
+
+
+def read_record(record: type[Record], summary: Mapping[str, Any]) -> Record:
+    """The part of a plan that is a record of a kind, from what `summary` of the plan gave."""
+    return record(**{key.name: summary[key.name] for key in fields(record)})
 
 
 def write_plan(

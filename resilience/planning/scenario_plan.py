@@ -32,6 +32,7 @@ from resilience.planning.records import (
     Horizon,
     InformationValue,
     ScenarioStatistics,
+    read_record,
     read_tables,
     write_plan,
 )
@@ -282,7 +283,7 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         name=summary["name"],
         method=summary["method"],
         physics=summary["physics"],
-        certificate=Certificate.read(summary),
+        certificate=read_record(Certificate, summary),
         totals=Costs(
             objective=summary["objective"],
             operating_cost=summary["expected_operating_cost"],
@@ -295,8 +296,8 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         case=case,
         algorithm=summary["algorithm"],
         risk=summary["risk"],
-        statistics=ScenarioStatistics.read(summary),
-        worth=InformationValue.read(summary),
+        statistics=read_record(ScenarioStatistics, summary),
+        worth=read_record(InformationValue, summary),
         scenarios=summary["scenarios"],
         different=summary["different"],
         seed=summary["seed"],
