@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from resilience.dispatch.sddp.values import WaterValues, water_values
     from resilience.errors import (
         CaseError,
+        CertificateError,
         InfeasibleError,
         ResilienceError,
         SolverError,
@@ -59,6 +60,7 @@ else:
 __all__ = [
     "Case",
     "CaseError",
+    "CertificateError",
     "Comparison",
     "Dispatcher",
     "ForecastError",

@@ -6,6 +6,7 @@ ResilienceError            catch this one to catch them all
 ├── UsageError             a call or command that cannot mean anything (unknown name, option)
 ├── InfeasibleError        no plan satisfies the case; the message names what conflicts
 └── SolverError            a solver failed, or returned no usable answer
+    └── CertificateError   an answer contradicts itself: no cost, bound or row of it is shown
 ```
 
 A message reads: subject, value found, what is allowed; then `hint:` with the remedy.
@@ -45,6 +46,14 @@ class InfeasibleError(ResilienceError):
 
 class SolverError(ResilienceError):
     """A solver failed, or stopped without a usable answer."""
+
+
+class CertificateError(SolverError):
+    """An answer that contradicts itself: the fault is the program's or the solver's.
+
+    A bound above the objective, costs that do not add up, a row that does not hold: see
+    `resilience.models.program.gate`.
+    """
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,109 @@
+"""One gate for every answer: what does not hold is an error, never a number made to look right.
+
+Whoever makes an answer shows it here first: `gap` for objective and bound, `check_costs` for cost
+terms that have to add up, `check_audit` for what the referee found. Rounding is measured against
+what the program itself can cost (`cost_scale`), so that a case in kW, in another currency or with
+other prices is judged alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from resilience.errors import CertificateError
+from resilience.models.program.referee import Audit
+from resilience.models.program.standard import Vectors
+from resilience.tolerances import AUDIT_TOLERANCE, BOUND_TOLERANCE
+
+FAULT = "this is a fault of the program or of the solver"
+HINT = "report it with the case; another --method may do meanwhile"
+
+
+def cost_scale(vectors: Vectors) -> float:
+    """The most that any one column can cost or earn, $: what rounding is relative to.
+
+    A column without a finite bound counts as one that may reach 1.
+    """
+    ends = [np.where(np.isfinite(end), np.abs(end), 1.0) for end in (vectors.lower, vectors.upper)]
+    return float(np.max(np.abs(vectors.cost) * np.maximum(*ends), initial=0.0))
+
+
+def rounding(objective: float, scale: float) -> float:
+    """$ by which a proven bound may lie above an objective: the tolerances of two solvers.
+
+    Args:
+        objective: $.
+        scale: `cost_scale` of the program, $.
+    """
+    return BOUND_TOLERANCE * max(abs(objective), scale)
+
+
+def gap(objective: float, bound: float, scale: float) -> float:
+    """(objective - bound) / |objective|; inf where one of them is no number or infinite.
+
+    Below the rounding of the program's own costs, that takes the place of |objective|.
+
+    Args:
+        objective: of the answer, $.
+        bound: proven, $.
+        scale: `cost_scale` of the program, $.
+
+    Raises:
+        CertificateError: the bound lies above the objective by more than rounding.
+    """
+    if not (np.isfinite(bound) and np.isfinite(objective)):
+        return np.inf
+    room = rounding(objective, scale)
+    if bound - objective > room:
+        raise CertificateError(
+            f"a bound of {bound:.9g} $ is proven, but an answer costs {objective:.9g} $: {FAULT}",
+            hint=HINT,
+        )
+    return (objective - bound) / max(abs(objective), room) if objective > bound else 0.0
+
+
+def check_costs(objective: float, terms: Mapping[str, float], scale: float) -> None:
+    """Refuses an objective that is no number, or that its terms do not add up to.
+
+    Args:
+        objective: $.
+        terms: $ of every part of it, credits negative.
+        scale: `cost_scale` of the program, $.
+
+    Raises:
+        CertificateError: likewise.
+    """
+    total = sum(terms.values())
+    if not (np.isfinite(objective) and abs(total - objective) <= rounding(objective, scale)):
+        parts = ", ".join(f"{name} {cost:.9g}" for name, cost in terms.items())
+        raise CertificateError(
+            f"the objective is {objective:.9g} $, but its terms add up to {total:.9g} $ ({parts}): "
+            + FAULT,
+            hint=HINT,
+        )
+
+
+def check_audit(audit: Audit, relaxed: Collection[str]) -> None:
+    """Refuses a point that the referee does not pass.
+
+    Args:
+        audit: what the referee found.
+        relaxed: names of what the answer says that it leaves relaxed; that may be open.
+
+    Raises:
+        CertificateError: something else is; the worst is named.
+    """
+    failed = {
+        name: violation
+        for name, violation in audit.worst.items()
+        if not violation <= AUDIT_TOLERANCE and name not in relaxed
+    }
+    if failed:
+        worst = max(failed, key=lambda name: failed[name])
+        raise CertificateError(
+            f"an answer violates {audit.where[worst]} by {failed[worst]:.2g} (scaled; allowed: "
+            f"{AUDIT_TOLERANCE:g}): {FAULT}",
+            hint=HINT,
+        )
