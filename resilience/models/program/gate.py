@@ -1,7 +1,8 @@
 """One gate for every answer: what does not hold is an error, never a number made to look right.
 
 Whoever makes an answer shows it here first: `gap` for objective and bound, `check_costs` for cost
-terms that have to add up, `check_audit` for what the referee found. Rounding is measured against
+terms that have to add up, `check_audit` for what the referee found, and `status_of` for what it may
+be called. Rounding is measured against
 what the program itself can cost (`cost_scale`), so that a case in kW, in another currency or with
 other prices is judged alike.
 """
@@ -9,6 +10,7 @@ other prices is judged alike.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -62,6 +64,19 @@ def gap(objective: float, bound: float, scale: float) -> float:
             hint=HINT,
         )
     return (objective - bound) / max(abs(objective), room) if objective > bound else 0.0
+
+
+def status_of(gap: float, wanted_gap: float) -> Literal["optimal", "feasible"]:
+    """What an answer may be called: optimal only within the gap wanted of its proven bound.
+
+    An answer that leaves facts of the model relaxed is so for a relaxation, and is shown with these
+    words; its status is judged alike.
+
+    Args:
+        gap: relative, to the proven bound; inf without one.
+        wanted_gap: asked for.
+    """
+    return "optimal" if gap <= wanted_gap else "feasible"
 
 
 def check_costs(objective: float, terms: Mapping[str, float], scale: float) -> None:

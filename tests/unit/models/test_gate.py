@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from resilience.errors import CertificateError
-from resilience.models.program.gate import check_audit, check_costs, cost_scale, gap, rounding
+from resilience.models.program.gate import (
+    check_audit,
+    check_costs,
+    cost_scale,
+    gap,
+    rounding,
+    status_of,
+)
 from resilience.models.program.referee import Audit
 from resilience.models.program.standard import Vectors
 
@@ -48,6 +55,18 @@ def test_a_bound_above_the_objective_is_refused_in_every_currency(unit: float) -
     assert gap(objective, objective + 0.9 * room, scale) == 0.0
     with pytest.raises(CertificateError, match="fault of the program or of the solver"):
         gap(objective, objective + 1.1 * room, scale)
+
+
+@pytest.mark.parametrize(
+    ("reached", "status"),
+    [(-0.0, "optimal"), (0.02, "optimal"), (0.021, "feasible"), (math.inf, "feasible")],
+)
+def test_optimal_is_what_is_within_the_gap_wanted(reached: float, status: str) -> None:
+    assert status_of(reached, 0.02) == status
+
+
+def test_a_gap_that_is_no_number_proves_nothing() -> None:
+    assert status_of(math.nan, 0.02) == "feasible"
 
 
 def test_terms_have_to_add_up() -> None:
