@@ -9,6 +9,7 @@ from resilience.fragility.beliefs.conditional import (
     DayDraw,
     LineHistory,
     chances,
+    days_reached,
     expected_left,
     futures,
     strata,
@@ -66,6 +67,70 @@ def test_the_night_ends_an_outage_and_brings_a_new_centre() -> None:
     fresh = down[0, 1:].any(0).mean()
     chance = Bell().day_probability(np.arange(DAY)).mean()
     assert fresh == pytest.approx(chance, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("t", "slots", "days_touched"),
+    [(80, 15, 1), (80, 16, 2), (80, 48, 2), (95, 1, 2), (30, 161, 2), (30, 162, 3)],
+)
+def test_a_look_ahead_touches_the_days_that_it_reaches(
+    t: int, slots: int, days_touched: int
+) -> None:
+    """Its last slot is t + slots: 95 is today's last, 96 tomorrow's first."""
+    assert days_reached(t, slots, DAY) == days_touched
+
+
+def test_in_the_evening_tomorrow_is_seen() -> None:
+    """From slot 80, 48 slots ahead: 15 of today, in which a line that failed stands, then 33."""
+    n = 500
+    here = known(80, 60, spent=True)
+    down = futures(Bell(), here, 48, DAY, days(8, n, 2))[0]
+    assert not down[:15].any()
+    tomorrow = Bell().slot_probability(np.arange(DAY))[:, :33]
+    failed = 1.0 - np.prod(1.0 - tomorrow, axis=1).mean()
+    assert down.any(0).mean() == pytest.approx(failed, abs=4 * np.sqrt(0.25 / n))
+    begins = chances(Bell(), here, 48, DAY)[0]
+    assert (begins[:15] == 0.0).all()
+    assert begins.sum() == pytest.approx(failed, abs=1e-9)
+    first = tomorrow[:, 7] * np.prod(1.0 - tomorrow[:, :7], axis=1)
+    assert begins[15 + 7] == pytest.approx(first.mean(), abs=1e-12)
+
+
+def test_midnight_ends_an_outage_that_is_yet_to_come() -> None:
+    """It begins about slot 94 and would last 12 slots or more; tomorrow's begin about slot 60."""
+    bell = Bell(height=0.9, centres=(60,))
+    down = futures(bell, known(85, 94), 10 + 30, DAY, days(9, 100))[0]
+    assert down[:10].any(0).mean() > 0.8
+    assert down[9].mean() > 0.5
+    assert not down[10:].any()
+
+
+@pytest.mark.parametrize("centre", [0, 3, 95])
+def test_a_centre_is_known_at_either_end_of_the_day(centre: int) -> None:
+    """Slot 0 is a slot like all others, and not the sign of a centre that is not known."""
+    bell, n, t = Bell(), 400, 1
+    here = known(t, centre)
+    chance = bell.slot_probability(np.array([centre]))[0, t + 1 :]
+    failed = 1.0 - np.prod(1.0 - chance)
+    down = futures(bell, here, DAY - t - 1, DAY, days(10, n))[0]
+    assert down.any(0).mean() == pytest.approx(failed, abs=1.0 / n)
+    begins = chances(bell, here, DAY - t - 1, DAY)[0]
+    np.testing.assert_allclose(begins[:3], chance[:3] * np.cumprod([1.0, *(1.0 - chance[:2])]))
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_lines_are_shifted_together_or_each_by_itself(shared: bool) -> None:
+    """A bell of one slot: the first line fails at the centre, the others 2 slots around it."""
+    bell = Bell(height=0.999, sigma_slots=0.2, shift_slots=2, shared_shift=shared)
+    up = LineHistory(20, 40, np.full(3, -1), np.zeros(3, bool))
+    down = futures(bell, up, 60, DAY, [DayDraw.draw(3, 200, np.random.default_rng(11))])
+    first = down.argmax(1)[:, down.any(1).all(0)] + 21
+    assert first.shape[1] > 190
+    assert (first[0] == 40).all()
+    assert set(first[1]) == set(first[2]) == {38, 39, 40, 41, 42}
+    assert (first[1] == first[2]).all() == shared
+    if not shared:
+        assert (first[1] == first[2]).mean() == pytest.approx(0.2, abs=0.12)
 
 
 @pytest.mark.parametrize("centre", [48, -1])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from resilience.errors import UsageError
-from resilience.fragility.wind import Wind
+from resilience.fragility.wind import AVERAGING, Wind
 
 
 def sea(speed_mps: float = 40.0) -> Wind:
@@ -29,6 +29,30 @@ def test_by_hand() -> None:
     # ln(20 / 0.05) / ln(10 / 0.05) = 1.1308 in open country
     tall = sea().to(exposure="land", height_m=20)
     np.testing.assert_allclose(tall.speed_mps, 32 * np.log(400) / np.log(200))
+    # z0 is 0.003 m at sea
+    low = sea().to(averaging_s=600, height_m=4)
+    np.testing.assert_allclose(low.speed_mps, 37.2 * np.log(4 / 0.003) / np.log(10 / 0.003))
+
+
+@pytest.mark.parametrize(
+    ("averaging_s", "exposure", "factor"),
+    [
+        (3.0, "water", 1.11),  # Harper, Kepert and Ginger 2010, WMO/TD-No. 1555: at sea
+        (3.0, "land", 1.49),  # in-land
+        (600.0, "water", 0.93),
+        (600.0, "land", 1 / 1.21),
+        (0.2, "land", 1.35),  # TCRM, Geoscience Australia: from one minute to 0.2 s
+    ],
+)
+def test_every_averaging_time_by_its_source(
+    averaging_s: float, exposure: str, factor: float
+) -> None:
+    over_land = 0.8 if exposure == "land" else 1.0
+    found = sea(37.0).to(averaging_s=averaging_s, exposure=exposure)
+    np.testing.assert_allclose(found.speed_mps, 37.0 * over_land * factor)
+    table = {(where, s): value for (where, s), (value, _) in AVERAGING.items() if s != 60.0}
+    assert len(table) == 5
+    assert table[exposure, averaging_s] == factor
 
 
 def test_inland_decay() -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from resilience.errors import UsageError
 from resilience.fragility.tracks import Track
 from resilience.fragility.wind import ASYMMETRIES, INFLOWS, MODELS, wind
+from resilience.fragility.wind.wind import BLOCK
 from tests.cyclones import around, cyclone
 
 R = 40_000.0
@@ -106,6 +107,27 @@ def test_motion_adds_on_the_right_and_takes_away_on_the_left() -> None:
     np.testing.assert_allclose(still, 50.0, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("asymmetry", "ratio", "share"),
+    [
+        ("climada", 2.0, 1.0),
+        ("climada", 1.25, 1.0),
+        ("climada", 0.625, 0.625),
+        ("phadke2003", 2.0, 0.4),
+        ("phadke2003", 0.5, 0.4),
+        ("none", 2.0, 0.0),
+    ],
+)
+def test_the_share_of_the_translation(asymmetry: str, ratio: float, share: float) -> None:
+    """Of 8 m/s, at R / ratio: the right is twice the share faster than the left."""
+    speed = 8.0
+    degrees = np.degrees(speed * 3600 / 6_371_000.0)
+    track = cyclone(at=(12.0, 115.0), move=(degrees, 0.0), n=3, step_h=2.0)
+    lat, lon = around((float(track.lat[2]), 115.0), R / ratio, np.array([90.0, 270.0]))
+    found = wind(track, lat, lon, model="emanuel2011", asymmetry=asymmetry).speed_mps[:, 2]
+    assert found[0] - found[1] == pytest.approx(2 * share * speed, abs=1e-3)
+
+
 def test_motion_is_capped_at_thirty_knots() -> None:
     track = cyclone(at=(0.0, 115.0), move=(0.9, 0.0), n=2, step_h=1.0)  # 27.8 m/s
     lat, lon = around((float(track.lat[1]), 115.0), R, np.array([90.0, 270.0]))
@@ -140,6 +162,19 @@ def test_a_storm_that_never_comes_near(model: str) -> None:
     assert np.isfinite(far.speed_mps).all()
     assert far.speed_mps.max() < 1.0
     assert (wind(cyclone(**MOVING), 52.0, 5.0, model=model, cutoff_km=300).speed_mps == 0).all()
+
+
+def test_many_points_are_as_few() -> None:
+    """More than are worked on together: points and times beyond `BLOCK`."""
+    track = cyclone(**MOVING)
+    lat = np.linspace(14.0, 19.0, 2 * BLOCK // len(track.time) + 7)
+    found = wind(track, lat, 131.0 - lat, inflow="hubbert1991")
+    some = np.array([0, 5, 2221, 2222, 2223, len(lat) - 1])
+    few = wind(track, lat[some], 131.0 - lat[some], inflow="hubbert1991")
+    np.testing.assert_array_equal(found.speed_mps[some], few.speed_mps)
+    np.testing.assert_array_equal(found.direction_deg[some], few.direction_deg)
+    assert np.isfinite(found.speed_mps).all()
+    assert (np.abs(np.diff(found.speed_mps, axis=0)) < 1.0).all()
 
 
 def test_limits_are_off_unless_asked_for() -> None:
