@@ -107,6 +107,26 @@ def test_switches_in_a_dead_part_stand_open() -> None:
     forest(found)
 
 
+def test_a_fixed_line_in_a_dead_part_is_no_link_of_the_tree() -> None:
+    """A ring of three with the grid; a pair behind it is cut off in the second of three hours.
+
+    Of the pair's 0.9 MW one hour is shed, at 1.5; all else is served at 0.3.
+    """
+    case = small_case(
+        slots=3,
+        buses=5,
+        lines=[(1, 2, *Z), (2, 3, *Z), (1, 3, *Z), (3, 4, *Z), (4, 5, 2e-4, 1e-4)],
+        line_tables=[{"name": name, "switchable": True} for name in ("1-2", "2-3", "1-3")],
+        outages=["3-4@01:00-02:00"],
+        grid=[GRID],
+        load=[LOAD | {"bus": b, "p_max_mw": mw} for b, mw in (("2", 0.6), ("3", 0.8), ("5", 0.9))],
+    )
+    found = solved(case, "milp", "lindistflow")
+    assert found.objective == pytest.approx(0.3 * (3 * 1.4 + 2 * 0.9) + 1.5 * 0.9, rel=1e-6)
+    assert found["line.closed"].sum(0) == pytest.approx([2, 2, 2])
+    forest(found)
+
+
 def two_sources() -> Case:
     """A ring of six buses, all switchable, with the grid at 1 and storage at 4; two lines fail."""
     ring = [(1, 2, *Z), (2, 3, *Z), (3, 4, *Z), (4, 5, *Z), (5, 6, *Z), (6, 1, *Z)]

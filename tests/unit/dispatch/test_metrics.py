@@ -67,6 +67,22 @@ def test_adequacy_by_hand():
     )
 
 
+def test_shares_of_members_that_demand_differently():
+    """Two loads, two slots, two members: expected energies are divided, not shares averaged."""
+    demand = np.array([[[2.0, 5.0], [3.0, 8.0]], [[0.5, 1.5], [0.7, 2.5]]])
+    shed = np.array([[[0.0, 2.0], [1.2, 3.0]], [[0.4, 0.0], [0.3, 0.9]]])
+    p = np.array([0.3, 0.7])
+    found = metrics.adequacy(demand, shed, 0.5, critical=np.array([False, True]), probability=p)
+    # Members demand 6.2 and 17 MW-slots and go without 1.9 and 5.9; the critical load 1.2 and 4.
+    assert found.served_share == pytest.approx(1 - (0.3 * 1.9 + 0.7 * 5.9) / (0.3 * 6.2 + 0.7 * 17))
+    assert found.critical_served_share == pytest.approx(
+        1 - (0.3 * 0.7 + 0.7 * 0.9) / (0.3 * 1.2 + 0.7 * 4.0)
+    )
+    assert found.eens_mwh == pytest.approx(0.5 * (0.3 * 1.9 + 0.7 * 5.9))
+    each = metrics.service(demand, shed, 0.5)
+    assert each.served_share == pytest.approx([1 - 1.9 / 6.2, 1 - 5.9 / 17])
+
+
 def test_equal_weights_are_no_weights():
     demand, shed = random_trajectory(1)
     p = np.full(5, 0.2)

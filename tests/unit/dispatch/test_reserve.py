@@ -63,6 +63,61 @@ def test_the_level_is_what_loads_lack_as_far_as_storage_gives_it() -> None:
     np.testing.assert_allclose(found.level(lack, 8), [[9.0], [10.0]])  # all that fits
 
 
+def test_a_line_that_is_sure_to_fail_cuts_off() -> None:
+    chance = reserve(chain()).cut_off(np.array([[1.0, 0.3], [0.2, 0.5]]))
+    np.testing.assert_allclose(chance, [[1.0, 0.3], [1.0, 1 - 0.7 * 0.5]], atol=1e-11)
+
+
+def mixed() -> Case:
+    """Load and sun that vary, behind a line: two unequal stores and a generator at bus 2."""
+    return small_case(
+        slots=6,
+        step_min=30.0,
+        buses=2,
+        lines=[(1, 2, 0.01, 0.01)],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
+        profiles={
+            "demand": [0.9, 0.2, 0.4, 0.5, 0.8, 0.6],
+            "sun": [0.1, 0.3, 0.0, 0.5, 0.25, 0.0],
+        },
+        load=[
+            {"bus": "2", "p_max_mw": 5.0, "shed_cost_per_mwh": 9.0, "profile": "demand"},
+            {"bus": "1", "p_max_mw": 3.0, "shed_cost_per_mwh": 8.0},
+        ],
+        pv=[{"bus": "2", "p_max_mw": 2.0, "profile": "sun"}],
+        generator=[{"bus": "2", "p_max_mw": 0.7, "cost_per_mwh": 5.0}],
+        ess=[
+            {"bus": "2", "p_max_mw": 1.3, "e_mwh": 4.0, "efficiency_discharge": 0.9}
+            | {"soc_min": 0.2, "soc_max": 0.95},
+            {"bus": "2", "p_max_mw": 0.8, "e_mwh": 12.0, "efficiency_discharge": 0.5}
+            | {"soc_min": 0.1, "soc_max": 0.8},
+        ],
+        grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
+    )
+
+
+def test_what_loads_lack_from_a_slot_on() -> None:
+    """Slot 3: 2.5 MW of load less 1 of sun and 0.7 of the generator; the last slot is repeated."""
+    case = mixed()
+    lack = reserve(case).lack(lambda name, at: case.profile(name)[at], 3, 5)
+    np.testing.assert_allclose(lack, [[0.8, 2.8, 2.3, 2.3, 2.3]])
+
+
+def test_stores_of_one_bus_give_by_their_size() -> None:
+    """2.1 MW between them, at an efficiency of (4 0.9 + 12 0.5) / 16 = 0.6, above 2 MWh of floor.
+
+    Outages of two half hours from slot 3: 0.8 + 2.1 MW; then 2.1 twice, which is 3.5 MWh stored.
+    """
+    case = mixed()
+    found = reserve(case)
+    lack = found.lack(lambda name, at: case.profile(name)[at], 3, 5)
+    np.testing.assert_allclose(
+        found.level(lack, 2), [[2.0 + 0.5 * 2.9 / 0.6, 2.0 + 0.5 * 4.2 / 0.6, 5.5, 5.5]]
+    )
+    # All that fits: 0.95 of 4 and 0.8 of 12 MWh.
+    np.testing.assert_allclose(found.level(np.full((1, 30), 9.0), 29), [[13.4, 13.4]])
+
+
 def test_the_price_lies_between_the_generator_and_shedding() -> None:
     assert reserve_price(chain()) == pytest.approx((5.0 + 9.0) / 2)
     case = rs.load_case("ieee33")

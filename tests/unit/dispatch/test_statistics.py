@@ -132,6 +132,22 @@ def test_score_is_1_at_the_bound_and_0_at_rule_09():
     assert np.isnan(statistics.score(40.0, 40.0, 40.0 - 1e-9))
 
 
+def test_what_is_rounding_grows_with_the_costs():
+    """0.1 $ in 1e9 are rounding, 1000 $ are not; 1e-4 $ in 1 $ are not either."""
+    near, far = 1e9 + np.array([0.0, 0.1, -0.05]), 1e9 + np.array([0.0, 1e3, -2e3])
+    found = statistics.mean_interval(near, rng(), resamples=200)
+    assert (found.low, found.high) == (near.mean(), near.mean())
+    found = statistics.mean_interval(far, rng(), resamples=200)
+    assert found.low < far.mean() < found.high
+    found = statistics.mean_interval(2.0 + np.array([0.0, 1e-4, 3e-4]), rng(), resamples=200)
+    assert found.low < found.high
+    assert np.isnan(statistics.score(1e9, 1e9 + 0.1, 1e9))
+    assert statistics.score(1e9 + 500, 1e9 + 1000, 1e9) == pytest.approx(0.5)
+    assert np.isnan(statistics.score(-1e9, -1e9 + 0.1, -1e9))
+    assert statistics.score(3.00005, 3.0001, 3.0) == pytest.approx(0.5)
+    assert statistics.triviality([1e9 + 0.1], [1e9]).trivial
+
+
 def test_score_and_gap_agree():
     cost, rule09, bound = np.array([33.0, 38.0]), np.array([40.0, 50.0]), np.array([30.0, 36.0])
     room = statistics.gap_to_bound(rule09, bound)

@@ -56,3 +56,26 @@ def test_without_a_grid_it_is_the_cheapest_generator() -> None:
     )
     assert energy_price(case).tolist() == [6.0, 6.0]
     np.testing.assert_allclose(stored_energy_value(case, 9.0), [[6.0, 6.0, 9.0]])
+
+
+def test_of_several_grids_the_cheapest_of_each_slot_counts() -> None:
+    """Two connections that never meet; one follows a profile: 7, 3.5 and 5.25 against 6 $/MWh."""
+    case = small_case(
+        slots=3,
+        buses=2,
+        profiles={"price": [1.0, 0.5, 0.75]},
+        load=[{"p_max_mw": 2.0, "shed_cost_per_mwh": 50.0}],
+        grid=[
+            {"bus": "1", "import_max_mw": 3.0, "import_cost_per_mwh": 6.0},
+            {"bus": "2", "import_max_mw": 4.0, "import_cost_per_mwh": 7.0}
+            | {"price_profile": "price"},
+        ],
+        generator=[{"bus": "2", "p_max_mw": 2.0, "cost_per_mwh": 2.0}],
+        ess=[
+            {"p_max_mw": 2.0, "e_mwh": 3.0, "efficiency_charge": 0.8, "efficiency_discharge": 0.9}
+            | {"degradation_cost_per_mwh": 0.5}
+        ],
+    )
+    assert energy_price(case).tolist() == [6.0, 3.5, 5.25]
+    # Sold now at (6 - 0.5) 0.9; bought at 3.5 / 0.8, below 4.5; kept rather than sold at 4.275.
+    np.testing.assert_allclose(stored_energy_value(case, 4.5), [[4.95, 4.375, 4.5, 4.5]])

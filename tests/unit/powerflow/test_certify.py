@@ -1,5 +1,6 @@
 """A certificate says of a plan what the wires make of it."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +9,14 @@ import pytest
 
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
-from resilience.models.ac_check import connected, roots
+from resilience.models.ac_check import carry, connected, forming_units, roots
 from resilience.models.case_program import status
+from resilience.models.components import device_fleets
 from resilience.models.microgrid import Microgrid
 from resilience.planning.ac_check import ac_check_plan
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve
+from resilience.planning.tables import SlotTable
 from resilience.testing import small_case
 
 
@@ -106,6 +109,80 @@ def test_the_root_is_the_grid_or_else_the_largest_forming_unit() -> None:
     assert (found.sum(axis=0) == alone).all()
 
 
+def test_of_several_grids_the_one_that_gives_most_is_the_root() -> None:
+    """Two connections, which a tie joins here; then the larger store before the smaller."""
+    case = small_case(
+        buses=4,
+        lines=[(1, 2, 0.05, 0.02), (2, 3, 0.04, 0.02), (3, 4, 0.03, 0.02)],
+        grid=[
+            {"bus": "1", "import_max_mw": 2.0, "export_max_mw": 7.0, "import_cost_per_mwh": 1.0},
+            {"bus": "3", "import_max_mw": 5.0, "export_max_mw": 0.5, "import_cost_per_mwh": 3.0},
+        ],
+        ess=[
+            {"bus": "2", "p_max_mw": 8.0, "p_min_mw": -0.7, "e_mwh": 4.0},
+            {"bus": "4", "p_max_mw": 0.4, "p_min_mw": -0.9, "e_mwh": 3.0},
+        ],
+    )
+    units = forming_units(list(device_fleets(case).values()))
+    assert units.names == ("grid2", "grid1", "ess2", "ess1")
+    assert units.bus.tolist() == [2, 0, 3, 1]
+    assert units.p_min_mw.tolist() == [-0.5, -7.0, -0.4, -8.0]
+    assert units.p_max_mw.tolist() == [5.0, 2.0, 0.9, 0.7]
+    up = np.array([[True, False, True], [True, True, False], [True, False, True]])
+    found = roots(case, connected(case, up))
+    assert [np.flatnonzero(column).tolist() for column in found.T] == [[2], [0, 2, 3], [0, 2]]
+
+
+def store_behind() -> Case:
+    """An island of a store and sun, which a line of 0.05 pu joins; it takes 0.4 and gives 0.7."""
+    return small_case(
+        slots=3,
+        buses=3,
+        lines=[(1, 2, 0.05, 0.02), (2, 3, 0.05, 0.02)],
+        outages=["1-2@01:00-03:00"],
+        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 1.0}],
+        ess=[{"bus": "2", "p_max_mw": 0.4, "p_min_mw": -0.7, "e_mwh": 5.0, "soc_initial": 0.6}],
+        pv=[{"bus": "3", "p_max_mw": 1.5, "profile": "sun"}],
+        load=[{"bus": "3", "p_max_mw": 0.8, "shed_cost_per_mwh": 50.0, "profile": "demand"}],
+        profiles={"sun": [0.2, 0.0, 0.8], "demand": [0.5, 1.0, 0.25]},
+    )
+
+
+@pytest.mark.parametrize(
+    ("demand_mw", "sun_mw", "limit", "value"),
+    [
+        (0.78, 0.0, 0.7, 0.8131),  # gives the load and r i^2 = 0.05 (0.78 / v)^2 too much
+        (0.1, 1.0, -0.4, -0.8628),  # takes the sun less r i^2 = 0.05 (0.9 / v)^2
+    ],
+)
+def test_a_store_that_carries_an_island_has_a_limit_either_way(
+    demand_mw: float, sun_mw: float, limit: float, value: float
+) -> None:
+    """A plan that was written by hand, so that the store has to give or take beyond its range.
+
+    Bus 2 holds 1 pu; at bus 3 v^4 + (2 r P - 1) v^2 + |z|^2 P^2 = 0 for P taken there.
+    """
+    plan = solve(store_behind(), "lp", physics="copperplate")
+    power = {name: np.zeros(3) for name in plan.tables["power"].labels}
+    power["load1"][1], power["pv1"][1] = -demand_mw, sun_mw
+    taken = demand_mw - sun_mw
+    square = max(np.roots([1.0, 0.1 * taken - 1.0, (0.05**2 + 0.02**2) * taken**2]))
+    exact = taken + 0.05 * taken**2 / square
+    assert exact == pytest.approx(value, abs=1e-4)
+    planned = SlotTable(tuple(power), np.array(list(power.values())))
+    found = ac_check_plan(replace(plan, tables=plan.tables | {"power": planned}))
+    root = found.root
+    assert root is not None
+    assert (root.name, root.time, root.limit) == ("ess1", "01:00", limit)
+    assert root.value == pytest.approx(exact, abs=1e-6)
+    assert root.excess == pytest.approx(abs(exact - limit), abs=1e-6)
+
+    members = {name: np.array([0.0, values[1]]) for name, values in power.items()}
+    carried = carry(store_behind(), members, np.array([[False, False], [True, True]]))
+    assert carried.root_worst_mw == pytest.approx([0.0, abs(exact - limit)], abs=1e-6)
+    assert carried.root_excess_mw == pytest.approx([0.0, abs(exact - limit)], abs=1e-6)
+
+
 def test_an_island_without_forming_unit_is_dead() -> None:
     plan = solve(feeder(grid_forming=False), "lp", physics="copperplate")
     found = ac_check_plan(plan)
@@ -129,8 +206,6 @@ def test_a_slot_without_solution_is_named_and_counts_in_nothing() -> None:
 
 
 def test_it_needs_the_case_and_its_whole_network(ac: Plan) -> None:
-    from dataclasses import replace
-
     with pytest.raises(UsageError, match="without its case"):
         ac_check_plan(replace(ac, case=None))
     case = load_case("ieee33")
