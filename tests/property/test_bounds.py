@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -75,6 +76,22 @@ def test_any_multipliers_of_rows_give_a_bound(seed: int, width: float) -> None:
     assert np.isfinite(bound)
     assert bound <= found.objective + 1e-9
     assert width > 0.0 or bound >= found.objective - 1e-6
+
+
+@quick
+@given(SEEDS, st.sampled_from([1e-4, 1e-2, 1.0]), st.sampled_from([-50.0, 0.3, 1000.0]))
+def test_a_certified_bound_is_that_of_the_multipliers_whatever_the_solver_says(
+    seed: int, width: float, claimed: float
+) -> None:
+    _, solver, found = linear()
+    assert found.duals is not None
+    rows = found.duals.rows
+    off = rows + width * np.random.default_rng(seed).normal(size=len(rows))
+    claim = replace(found, bound=found.objective + claimed)
+    assert solver.certified_bound(claim) == pytest.approx(found.objective, abs=1e-6)
+    proven = solver.certified_bound(replace(claim, duals=replace(found.duals, rows=off)))
+    assert proven < found.objective - 1e-6
+    assert proven != claim.bound
 
 
 @quick

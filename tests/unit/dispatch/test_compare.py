@@ -21,6 +21,8 @@ from resilience.evaluation.compare import compare, parse_error
 from resilience.evaluation.measures.measures import critical_loads
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
+from resilience.models.backends.base import Solution
+from resilience.models.backends.highs import Highs
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Observation
@@ -62,6 +64,25 @@ def tiny(**more: Any) -> World:
 @pytest.fixture(scope="module")
 def report() -> rs.Report:
     return rs.evaluate(tiny(), ["idle"], ac=True)
+
+
+def test_the_clairvoyant_bound_is_that_of_its_multipliers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A solver whose multipliers are a little off, and which says that its bound is far above."""
+    world = tiny()
+    assert clairvoyant(world).objective == pytest.approx([2.0, 4.0])
+    solve = Highs.solve
+
+    def careless(solver: Highs) -> Solution:
+        found = solve(solver)
+        assert found.duals is not None
+        noise = np.random.default_rng(5).normal(size=len(found.duals.rows))
+        off = replace(found.duals, rows=found.duals.rows + 0.05 * noise)
+        return replace(found, bound=found.objective + 1000.0, duals=off)
+
+    monkeypatch.setattr(Highs, "solve", careless)
+    found = clairvoyant(world).objective
+    assert (found < np.array([2.0, 4.0]) - 0.01).all()
+    assert (found > np.array([0.0, 2.0])).all()
 
 
 BY_HAND = {

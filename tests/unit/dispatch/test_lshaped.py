@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from resilience.errors import InfeasibleError
+from resilience.models.backends.base import Solution
+from resilience.models.backends.highs import Highs
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.risk import Risk
@@ -79,6 +83,28 @@ def test_it_is_the_extensive_form(seed: int, risk: Risk) -> None:
     for found in (cut, whole):
         assert found.probability.sum() == pytest.approx(1.0)
         assert risk.value(found.cost, found.probability) == pytest.approx(found.objective)
+
+
+def test_the_bound_of_the_extensive_form_is_that_of_its_multipliers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A solver whose multipliers are a little off, and which says that its bound is far above."""
+    two = program(2)
+    best = extensive(two, TIGHT).objective
+    solve = Highs.solve
+
+    def careless(solver: Highs) -> Solution:
+        found = solve(solver)
+        assert found.duals is not None
+        noise = np.random.default_rng(5).normal(size=len(found.duals.rows))
+        off = replace(found.duals, rows=found.duals.rows + 0.05 * noise)
+        return replace(found, bound=found.objective + 1000.0, duals=off)
+
+    monkeypatch.setattr(Highs, "solve", careless)
+    found = extensive(two, TIGHT)
+    assert found.objective == pytest.approx(best, rel=1e-9)
+    assert found.bound < best - 0.01
+    assert found.status == "feasible"
 
 
 def test_a_start_changes_the_way_and_not_the_end() -> None:

@@ -25,11 +25,15 @@ def two_buses(r: float = 0.1, rating: float | None = None, **devices: Any) -> Ca
     return small_case(buses=2, lines=[(1, 2, r, 0.0)], line_tables=about, **devices)
 
 
-def stepped(case: Case, physics: Physics, *action: float) -> dict[str, Any]:
+def stepped(
+    case: Case, physics: Physics, *action: float, sun: tuple[float, ...] = ()
+) -> dict[str, Any]:
     simulator = NetworkSimulator(Microgrid.build(case, physics), 1.0)
     n = len(action)
     lines = len(case.network.line_names)
-    situation = simulator.microgrid.situation(np.ones((lines, n), bool), lambda _: np.ones(n))
+    situation = simulator.microgrid.situation(
+        np.ones((lines, n), bool), lambda name: np.array(sun) if name == "sun" else np.ones(n)
+    )
     data = simulator.stacked(simulator.microgrid.data(situation))
     energy = np.full((1, n), 2.0)
     step = simulator.step(energy, np.array([action]), data, situation.island)
@@ -65,6 +69,52 @@ def test_a_high_voltage_cuts_discharging_back_and_then_spills() -> None:
     assert found["spill"] == pytest.approx([0.45, 0.45, 0.25], abs=1e-6)
     assert found["discharge"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
     assert found["charge"] == pytest.approx([0.0, 0.0, 0.2], abs=1e-6)
+
+
+@pytest.mark.parametrize("price", [7.0, 5_000.0, 9e5])
+def test_the_storage_order_is_worth_more_than_any_price(price: float) -> None:
+    """0.95 MW get through, of which charging takes 0.3 whatever shedding of the others costs."""
+    case = two_buses(load=[{**LOAD, "shed_cost_per_mwh": price}])
+    found = stepped(case, "lindistflow", 0.3, -0.4)
+    assert found["charge"] == pytest.approx([0.3, 0.0], abs=1e-6)
+    assert found["discharge"] == pytest.approx([0.0, 0.4], abs=1e-6)
+    assert found["load.shed[load1]"] == pytest.approx([0.85, 0.15], abs=1e-6)
+
+
+def must_take(load_mw: float = 0.5) -> Case:
+    """Sun of 2 MW that must be taken, storage and a load at bus 2; 1.05 MW get out."""
+    return two_buses(
+        load=[{**LOAD, "p_max_mw": load_mw}],
+        pv=[{"bus": "2", "p_max_mw": 2.0, "curtailable": False, "profile": "sun"}],
+        grid=[{**GRID, "export_max_mw": 5.0}],
+        profiles={"sun": [0.3, 0.7]},
+    )
+
+
+def test_what_must_be_taken_is_spilled_in_the_member_where_it_comes() -> None:
+    """The dark member is supplied; of 2, 0.4 and 1.8 MW of the others 0.45, 0 and 0.25 are lost.
+
+    Power fed in, less what is spilled, is what load, charging and export take.
+    """
+    found = stepped(must_take(), "lindistflow", -0.2, 0.0, 0.0, 0.0, sun=(0.0, 1.0, 0.2, 0.9))
+    sun = np.array([0.0, 2.0, 0.4, 1.8])
+    assert found["spill"] == pytest.approx([0.0, 0.45, 0.0, 0.25], abs=1e-6)
+    assert found["pv.p[pv1]"] == pytest.approx(sun, abs=1e-6)
+    assert found["discharge"] == pytest.approx([0.2, 0.0, 0.0, 0.0], abs=1e-6)
+    assert found["grid.import[grid1]"] == pytest.approx([0.3, 0.0, 0.1, 0.0], abs=1e-6)
+    assert found["grid.export[grid1]"] == pytest.approx([0.0, 1.05, 0.0, 1.05], abs=1e-6)
+    taken = 0.5 - found["load.shed[load1]"] + found["charge"] + found["grid.export[grid1]"]
+    fed = found["pv.p[pv1]"] + found["discharge"] + found["grid.import[grid1]"]
+    assert fed - found["spill"] == pytest.approx(taken, abs=1e-6)
+
+
+def test_a_member_is_what_it_is_alone() -> None:
+    actions, sun = (0.3, -0.6, 0.0), (0.0, 0.95, 0.4)
+    together = stepped(must_take(1.1), "lindistflow", *actions, sun=sun)
+    for k, (action, light) in enumerate(zip(actions, sun, strict=True)):
+        alone = stepped(must_take(1.1), "lindistflow", action, sun=(light,))
+        for name, values in alone.items():
+            assert together[name][k] == pytest.approx(values[0], abs=1e-6), name
 
 
 def test_a_rating_binds_at_copperplate() -> None:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from resilience.case import Case
+from resilience.errors import UsageError
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import Simulator, Step
+from resilience.models.simulator import simulator as simulator_module
 from resilience.testing import small_case
 
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}
@@ -108,6 +110,66 @@ def test_power_that_must_be_taken_is_spilled_when_nobody_can() -> None:
     assert step.spill[0] == pytest.approx([0.2, 0.0, 0.0])
     assert step.charge[0] == pytest.approx([0.0, 0.2, 0.5])
     assert step.cost == pytest.approx([0.0, 0.0, 1.5])  # charging 0.5 sheds 0.3
+
+
+EARNING = {"import_max_mw": 2.0, "import_cost_per_mwh": -3.0}
+EARNING |= {"export_max_mw": 0.9, "export_cost_per_mwh": 1.0}
+
+
+def test_where_importing_and_exporting_at_once_would_earn_one_of_them_is_closed() -> None:
+    """1.6 MW of sun on 0.4 MW of load: 0.9 are exported and 0.3 spilled; by night 0.4 come in."""
+    pv = {"p_max_mw": 1.6, "curtailable": False}
+    case = small_case(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], pv=[pv], grid=[EARNING])
+    found = stepped(case, [[0.0, 0.2, 0.8, -0.5]])
+    assert found[1].spill[0] == pytest.approx([0.3, 0.1, 0.0, 0.3])
+    assert flow(found, "grid.export[grid1]") == pytest.approx([0.9, 0.9, 0.4, 0.9])
+    assert flow(found, "grid.import[grid1]") == pytest.approx([0.0, 0.0, 0.0, 0.0])
+    assert flow(found, "pv.p[pv1]") == pytest.approx([1.6] * 4)
+    assert found[1].discharge[0] == pytest.approx([0.0] * 4)
+    assert found[1].cost == pytest.approx([0.9, 0.9, 0.4, 0.9])
+    dark = stepped(small_case(load=[LOAD], ess=[ESS], grid=[EARNING]), [[0.3, -0.2]])
+    assert flow(dark, "grid.import[grid1]") == pytest.approx([1.3, 0.8])
+    assert dark[1].cost == pytest.approx([-3.9, -2.4])
+
+
+@pytest.mark.parametrize("connections", [4, 5])
+def test_more_than_four_connections_that_would_earn_are_refused(connections: int) -> None:
+    """Each at a bus of its own, with a load of its own; 4 are 16 ways to close them."""
+    buses = range(1, connections + 1)
+    case = small_case(
+        buses=connections,
+        grid=[{**EARNING, "bus": str(k)} for k in buses],
+        load=[{**LOAD, "bus": str(k), "p_max_mw": 0.2 * k} for k in buses],
+    )
+    if connections == 4:
+        _, step = stepped(case, np.empty((0, 1)))
+        assert step.cost == pytest.approx([-3.0 * (0.2 + 0.4 + 0.6 + 0.8)])
+        return
+    with pytest.raises(UsageError, match="5 grid connections earn by importing and exporting"):
+        stepped(case, np.empty((0, 1)))
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_orders_that_were_forgotten_are_found_again(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three prices of the grid in turn, above and below the generator's, and fewer that are kept."""
+    monkeypatch.setattr(simulator_module, "MAX_ORDERS", most)
+    case = small_case(
+        slots=3,
+        profiles={"price": [0.2, 0.5, 1.0]},
+        load=[{**LOAD, "p_max_mw": 1.4}],
+        generator=[{"p_max_mw": 0.9, "cost_per_mwh": 2.0}],
+        grid=[{"import_max_mw": 1.1, "import_cost_per_mwh": 5.0, "price_profile": "price"}],
+    )
+    simulator = Simulator(Microgrid.build(case, "copperplate"), 1.0)
+    situation = simulator.microgrid.situation(np.ones((0, 3), bool), case.profile)
+    data = simulator.stacked(simulator.microgrid.data(situation))
+    none = np.empty((0, 1))
+    exact = [1.1 * 1.0 + 0.3 * 2.0, 0.9 * 2.0 + 0.5 * 2.5, 0.9 * 2.0 + 0.5 * 5.0]
+    for t in (0, 1, 2, 1, 0, 2, 0):
+        step = simulator.step(none, none, data[:, [t]], situation.island[:, [t]])
+        assert step.cost == pytest.approx([exact[t]])
 
 
 def test_a_case_without_loads_without_storage_or_without_anything_else() -> None:
