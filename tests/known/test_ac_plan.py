@@ -146,6 +146,6 @@ def test_no_bound_lies_above_an_ac_plan(name: str) -> None:
     slack = 1e-7 * (1 + abs(ac.objective))
     for method in ("socp", "minlp", "exact"):
         if method == "exact":
-            pytest.importorskip("pyscipopt")
+            pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
         assert solved(case, method).bound <= ac.objective + slack
     assert solved(case, "lp").bound <= ac.objective + slack

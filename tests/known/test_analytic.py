@@ -63,7 +63,7 @@ def test_conic_methods(name: str, method: str, physics: str) -> None:
 
 @pytest.mark.parametrize("name", OPTIMA)
 def test_scip(name: str) -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     assert plan(name, "exact").objective == pytest.approx(OPTIMA[name], rel=1e-6)
 
 

@@ -92,7 +92,7 @@ def test_no_tree_at_all_improves_the_optimum() -> None:
 
 @pytest.mark.slow
 def test_scip_proves_the_optimum() -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     found = solved(case33(switchable=True), "exact", time_limit=600)
     assert found.answer.status == "optimal"
     assert opened(found) == BEST_OPEN

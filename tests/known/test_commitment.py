@@ -35,7 +35,7 @@ def test_a_concave_cost_curve_is_not_blended(method: str, physics: str) -> None:
     of the units 1.5.
     """
     if method == "exact":
-        pytest.importorskip("pyscipopt")
+        pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     found = solved(economies_of_scale(), method, physics)  # type: ignore[arg-type]
     assert found.objective == pytest.approx(1.1, rel=1e-4)
     assert found.bound == pytest.approx(1.1, rel=1e-4)
@@ -93,7 +93,7 @@ def test_minlp_finds_the_best_of_all_schedules(must_take: bool) -> None:
 
 
 def test_scip_agrees() -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     found, other = solved(pair(), "exact"), solved(pair(), "minlp", gap=1e-5)
     assert found.answer.status == "optimal"
     assert found.objective == pytest.approx(other.objective, rel=1e-5)

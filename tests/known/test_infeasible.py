@@ -38,7 +38,7 @@ def test_a_voltage_that_must_rise_too_far(method: str) -> None:
 
 
 def test_scip_names_them_too() -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     with pytest.raises(InfeasibleError, match=r"\[1-2, 01:00\]|\[2, 01:00\]"):
         solved(forced_feed_in(), "exact")  # type: ignore[arg-type]
 

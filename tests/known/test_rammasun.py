@@ -10,6 +10,7 @@ import pytest
 
 from resilience.fragility.tracks import Track, interpolated, read_track, track_of
 from resilience.fragility.wind import wind
+from tests.best_tracks import RAMMASUN
 from tests.shared import shared
 
 MODELS = {
@@ -34,6 +35,60 @@ def given_track() -> Track:
 def raw_track() -> Track:
     path = shared("data", "tracks", "rammasun_2014_cma.csv")
     return read_track(path, format="cma", penv_hpa=1010.0)
+
+
+POINTS = ((20.04, 110.32), (19.54, 110.80), (20.33, 110.17), (21.27, 110.36), (21.48, 109.12))
+CLIMADA_MAXIMA = {
+    "H1980": ((54.393, "10:00"), (48.965, "07:00"), (55.985, "11:00"), (37.902, "14:45"),
+              (49.449, "20:00")),
+    "H08": ((65.302, "10:15"), (53.448, "07:15"), (67.785, "11:00"), (38.177, "15:00"),
+            (58.327, "19:45")),
+    "H10": ((66.130, "10:00"), (54.825, "07:15"), (68.585, "11:00"), (40.624, "15:00"),
+            (59.045, "19:45")),
+    "ER11": ((60.543, "10:00"), (51.295, "07:00"), (62.300, "11:00"), (34.616, "15:15"),
+             (57.279, "19:45")),
+}  # fmt: skip
+"""m/s of CLIMADA 6.1.0 (`TropCyclone.from_tracks`, metrics of each model) from the track below at
+Haikou, Wenchang, Xuwen, Zhanjiang and Beihai, and the time of 18 July 2014."""
+CLIMADA_AT_HAIKOU = {
+    "H1980": (("04:00", -10.239, -28.505), ("07:00", -4.602, -42.099), ("10:00", 20.129, -50.531),
+              ("12:00", 49.729, 6.215), ("16:00", 24.629, 22.468)),
+    "H08": (("04:15", -10.023, -29.506), ("07:15", -3.874, -45.264), ("10:15", 30.848, -57.557),
+            ("12:15", 61.236, 14.970), ("16:15", 22.675, 21.049)),
+}  # fmt: skip
+"""Likewise m/s eastwards and northwards."""
+
+
+def short_track() -> Track:
+    """The best track about the landfall, every 15 minutes, its wind taken as tabulated."""
+    track = RAMMASUN.track(averaging_s=60.0, penv_hpa=1010.0)
+    step = np.timedelta64(15, "m")
+    times = np.arange(np.datetime64("2014-07-17T12:00"), np.datetime64("2014-07-19T12:00"), step)
+    return interpolated(track, times.astype("datetime64[s]"))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_maxima_of_climada_from_rows_of_the_best_track(name: str) -> None:
+    """Measured 0.12 m/s at most: the radius is interpolated here, and regressed again there."""
+    track = short_track()
+    lat, lon = np.array(POINTS).T
+    found = wind(track, lat, lon, model=MODELS[name]).speed_mps
+    exact, times = zip(*CLIMADA_MAXIMA[name], strict=True)
+    np.testing.assert_allclose(found.max(axis=1), exact, atol=0.2)
+    when = np.array([f"2014-07-18T{time}" for time in times], "datetime64[s]")
+    assert (abs(track.time[found.argmax(axis=1)] - when) <= np.timedelta64(15, "m")).all()
+
+
+@pytest.mark.parametrize("name", CLIMADA_AT_HAIKOU)
+def test_directions_of_climada_from_rows_of_the_best_track(name: str) -> None:
+    track = short_track()
+    found = wind(track, *POINTS[0], model=MODELS[name])
+    times, east, north = zip(*CLIMADA_AT_HAIKOU[name], strict=True)
+    stamps = np.array([f"2014-07-18T{time}" for time in times], "datetime64[s]")
+    at = np.searchsorted(track.time, stamps)
+    towards, speed = np.radians(found.direction_deg[0, at]), found.speed_mps[0, at]
+    np.testing.assert_allclose(speed * np.sin(towards), east, atol=0.25)
+    np.testing.assert_allclose(speed * np.cos(towards), north, atol=0.25)
 
 
 @pytest.mark.parametrize("name", MODELS)

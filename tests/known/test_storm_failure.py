@@ -9,7 +9,7 @@ from scipy.stats import lognorm
 from resilience.fragility.lines.curves import Curve
 from resilience.fragility.lines.damage import Timing, failed_by, hazard
 from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
-from tests.known.zhanjiang import rammasun
+from tests.known.zhanjiang import HOURLY_MPS, rammasun
 
 CURVE = Curve(
     "pole", "lognormal", {"median_mps": 45.0, "beta": 0.20}, 60.0, 10.0, "water", "example"
@@ -32,6 +32,21 @@ def test_rammasun_at_zhanjiang(every: int, step_h: float, drawn: float) -> None:
     with pytest.warns(UserWarning, match="draws anew every"):
         per_slot = Timing("per_slot", step_h)
     assert failed_by(ONE, wind(series), per_slot)[0, -1] == pytest.approx(drawn, abs=5e-4)
+
+
+def test_the_hours_of_rammasun_at_zhanjiang() -> None:
+    """The same from the wind of every hour as a table, which holds the hour of the peak."""
+    series = np.array(HOURLY_MPS)
+    h = hazard(ONE, wind(series), Timing(step_h=1.0))[0]
+    assert 1.0 - np.prod(1.0 - h) == pytest.approx(0.205, abs=5e-4)
+    assert failure_probability(ONE, wind(series))[0] == pytest.approx(0.205, abs=5e-4)
+    with pytest.warns(UserWarning, match="draws anew every"):
+        per_slot = Timing("per_slot", 1.0)
+    assert failed_by(ONE, wind(series), per_slot)[0, -1] == pytest.approx(0.700, abs=5e-4)
+
+
+def test_the_table_of_hours_is_that_of_the_equations() -> None:
+    np.testing.assert_allclose(rammasun()[::4], HOURLY_MPS, atol=5e-4)
 
 
 @pytest.mark.parametrize("every", [1, 2, 4, 8])

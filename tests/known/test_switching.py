@@ -66,7 +66,7 @@ def test_a_tie_saves_the_load_behind_a_fault(method: str, physics: Any) -> None:
 
 
 def test_scip_closes_the_tie_too() -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     found = solved(tied(), "exact")
     assert found["line.closed"][0] == pytest.approx([0, 1, 1, 0])
     assert found.objective == pytest.approx(solved(tied(), "minlp").objective, rel=1e-6)

@@ -83,7 +83,7 @@ def test_the_cone_relaxation_is_a_bound_even_there() -> None:
 
 
 def test_scip_closes_the_gap_that_the_relaxation_leaves() -> None:
-    pytest.importorskip("pyscipopt")
+    pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
     exported = (math.sqrt(1 + 4 * R * 3.0) - 1) / (2 * R)
     found = solved(surplus(), "exact")
     assert found.answer.status == "optimal"

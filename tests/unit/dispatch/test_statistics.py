@@ -137,6 +137,8 @@ def test_what_is_rounding_grows_with_the_costs():
     near, far = 1e9 + np.array([0.0, 0.1, -0.05]), 1e9 + np.array([0.0, 1e3, -2e3])
     found = statistics.mean_interval(near, rng(), resamples=200)
     assert (found.low, found.high) == (near.mean(), near.mean())
+    found = statistics.mean_interval(-near, rng(), resamples=200)
+    assert (found.low, found.high) == (-near.mean(), -near.mean())
     found = statistics.mean_interval(far, rng(), resamples=200)
     assert found.low < far.mean() < found.high
     found = statistics.mean_interval(2.0 + np.array([0.0, 1e-4, 3e-4]), rng(), resamples=200)

@@ -110,6 +110,18 @@ def test_strata_of_the_common_factor(shift: float) -> None:
         assert abs(np.corrcoef(np.arange(n), place)[0, 1]) < 4.0 / np.sqrt(n)
 
 
+@pytest.mark.parametrize("shift", [-1.5, -0.4, 0.7, 2.0])
+def test_most_values_of_the_common_factor_lie_at_the_shift(shift: float) -> None:
+    """A line fails where Z is below its score s: in a share Phi(s - shift) of the scenarios."""
+    n = 400
+    for score in (-1.2, 0.3, 1.1):
+        wind = gusts([[45.0 * np.exp(0.2 * score)]])
+        found = sample_storms(poles([1], 1.0), wind, n, 7, repair=None, sampling=Sampling(shift))
+        failed = found.down[0, 0]
+        assert failed.mean() == pytest.approx(norm.cdf(score - shift), abs=1.01 / n)
+        assert failed @ found.probability == pytest.approx(norm.cdf(score), abs=0.03)
+
+
 def mirrored(z: np.ndarray) -> np.ndarray:
     """The normal distribution function less 1, exact far above 0."""
     return -norm.sf(z)

@@ -22,6 +22,7 @@ from resilience.testing import small_case
 from tests.unit.plots.stormy import chain, compared, cut
 
 METHODS = ["idle", "rule", "rule-0.9"]
+PANELS = 5  # of every method
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +159,7 @@ def test_a_storm_is_drawn(
     shown: Comparison = request.getfixturevalue(which)
     figure = rs.plot_storm(shown, names, path=tmp_path / "storm.png")
     assert (tmp_path / "storm.png").stat().st_size > 20_000
-    assert len(figure.axes) == 5 * len(names)
+    assert len(figure.axes) == PANELS * len(names)
     demand = next(line for line in figure.axes[0].lines if line.get_label() == "demand")
     arrays = storm(shown, names).methods[names[0]]
     np.testing.assert_array_equal(np.asarray(demand.get_ydata())[:-1], arrays.demand)
@@ -169,12 +170,15 @@ def test_a_storm_is_drawn(
 def test_a_case_without_storage_and_without_storms_is_drawn() -> None:
     case = small_case(
         slots=24,
-        load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}],
+        load=[{"p_max_mw": 0.8, "shed_cost_per_mwh": 5.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
     )
     calm = Scenarios((), np.zeros((0, 24, 1), bool), np.ones(1))
     figure = rs.plot_storm(compared(case, calm, ["idle"]), "idle")
     figure.draw_without_rendering()
+    assert len(figure.axes) == PANELS
+    demand = next(line for line in figure.axes[0].lines if line.get_label() == "demand")
+    assert np.asarray(demand.get_ydata()).tolist() == [0.8] * 25
 
 
 @pytest.mark.parametrize(

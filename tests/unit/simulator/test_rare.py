@@ -153,7 +153,7 @@ def test_more_than_four_connections_that_would_earn_are_refused(connections: int
 def test_orders_that_were_forgotten_are_found_again(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Three prices of the grid in turn, above and below the generator's, and fewer that are kept."""
+    """Three prices of the grid in turn, above and below the generator's; fewer are kept."""
     monkeypatch.setattr(simulator_module, "MAX_ORDERS", most)
     case = small_case(
         slots=3,

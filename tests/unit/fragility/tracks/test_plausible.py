@@ -12,7 +12,8 @@ import pytest
 from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAMELESS, to_one_minute
 from resilience.earth.plausible import leaps, too_strong, usual_wind_kt
 from resilience.errors import CaseError
-from resilience.fragility.tracks import read_track, track_of
+from resilience.fragility.tracks import Track, read_track, track_of
+from tests.best_tracks import BEST_TRACKS, BestTrack
 from tests.shared import shared
 
 REAL = [
@@ -66,11 +67,8 @@ def test_their_knots_taken_for_metres_per_second_do_not(name: str) -> None:
         assert "vmax_kt" in found.hint
 
 
-@pytest.mark.parametrize(("file", "agency"), REAL)
-def test_real_tracks_pass_and_their_knots_do_not(file: str, agency: str) -> None:
+def has_plausible_winds(track: Track, agency: str) -> None:
     """The figures of the docstring: at most 0.86 of the limit, median 0.75; in knots 1.04."""
-    path = shared("data", "tracks", file)
-    track = read_track(path, averaging_s=AGENCIES[agency].averaging_s)
     places = track.lat, track.lon, track.pressure_hpa
     assert too_strong(*places, track.vmax_mps, AGENCIES[agency]) is None
     odd = too_strong(*places, track.vmax_mps / KNOT_MPS, AGENCIES[agency])
@@ -81,6 +79,17 @@ def test_real_tracks_pass_and_their_knots_do_not(file: str, agency: str) -> None
     share = (wind / (1.4 * usual_wind_kt(*places) + 15.0))[stormy]
     assert np.median(share) < 0.75
     assert share.max() < 0.87
+
+
+@pytest.mark.parametrize("best", BEST_TRACKS, ids=lambda best: best.name)
+def test_rows_of_real_tracks_pass_and_their_knots_do_not(best: BestTrack) -> None:
+    has_plausible_winds(best.track(), best.agency)
+
+
+@pytest.mark.parametrize(("file", "agency"), REAL)
+def test_real_tracks_pass_and_their_knots_do_not(file: str, agency: str) -> None:
+    path = shared("data", "tracks", file)
+    has_plausible_winds(read_track(path, averaging_s=AGENCIES[agency].averaging_s), agency)
 
 
 @pytest.mark.parametrize(("file", "agency"), REAL)

@@ -10,6 +10,7 @@ import pytest
 
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.tracks import read_track
+from tests.best_tracks import BEST_TRACKS, BestTrack
 from tests.shared import shared
 
 HURDAT2 = """\
@@ -232,6 +233,24 @@ def test_hurdat2_places_need_their_hemisphere(old: str, new: str, key: str, tmp_
     assert [(p.table, p.key) for p in found] == [("row 3", key), ("row 4", "lat")]
     assert found[0].value == (new or "nothing")
     assert found[0].allowed.startswith("degrees and ")
+
+
+@pytest.mark.parametrize("best", BEST_TRACKS, ids=lambda best: best.name)
+def test_rows_of_best_tracks_as_csv(best: BestTrack, tmp_path: Path) -> None:
+    """Each row that the agency published, in the columns of the files that are shared."""
+    head = "time_utc,lat_deg,lon_deg,central_pressure_hpa,max_sustained_wind_ms,status"
+    rows = [
+        f"{time}:00:00Z,{lat},{lon},{pressure},{wind},cat"
+        for time, lat, lon, pressure, wind in best.rows
+    ]
+    path = written(tmp_path, "\n".join([f"# {best.source}", head, *rows]), "track.csv")
+    track = read_track(path, averaging_s=best.averaging_s)
+    assert (track.averaging_s, len(track.time)) == (best.averaging_s, len(best.rows))
+    time, lat, lon, pressure, wind = zip(*best.rows, strict=True)
+    assert (track.time == np.array(time, "datetime64[s]")).all()
+    np.testing.assert_array_equal([track.lat, track.lon], [lat, lon])
+    np.testing.assert_array_equal([track.pressure_hpa, track.vmax_mps], [pressure, wind])
+    assert track.filled["rmw_km"] == f"{len(rows)} of {len(rows)}: regression ibtracs"
 
 
 @pytest.mark.parametrize(
