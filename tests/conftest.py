@@ -1,15 +1,18 @@
-"""How Hypothesis behaves in every test here."""
+"""How Hypothesis behaves in every test here.
+
+A failure is told as it was found, not made smaller first: that took minutes, in which a test run may
+be ended before it says anything. `pytest --hypothesis-profile shrink TEST` makes it smaller.
+"""
 
 from __future__ import annotations
 
-from unittest import mock
+from hypothesis import Phase, settings
 
-from hypothesis import settings
-from hypothesis.internal.conjecture import engine
-
-SHRINK_S = 20
-"""A failure is made smaller for so long at most: it has to be told before a test run is ended."""
-
-settings.register_profile("resilience", deadline=None, print_blob=True)
-settings.load_profile("resilience")
-mock.patch.object(engine, "MAX_SHRINKING_SECONDS", SHRINK_S).start()
+settings.register_profile("shrink", deadline=None)
+settings.register_profile(
+    "told at once",
+    deadline=None,
+    phases=(Phase.explicit, Phase.reuse, Phase.generate),
+    print_blob=True,
+)
+settings.load_profile("told at once")

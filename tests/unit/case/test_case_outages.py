@@ -30,6 +30,8 @@ def horizon(
         ("6-26@14:00-17:30", 56, 70),
         ("6-26@14:05-14:10", 56, 57),
         ("6-26@14:14-14:16", 56, 58),
+        ("6-26@14:14:59-14:15:00", 56, 57),
+        ("6-26@14:00-14:15:01", 56, 58),
         ("6-26@00:00-24:00", 0, 96),
         ("6-26@22:00-00:00", 88, 96),
         (" 6-26 @ 14:00 - 14:15 ", 56, 57),
@@ -40,6 +42,16 @@ def horizon(
 )
 def test_every_slot_that_an_outage_touches_is_down(text, first, stop):
     assert parse_outages(text, horizon()) == (Outage("6-26", first, stop),)
+
+
+@pytest.mark.parametrize("time", ["14:30:60", "14:60", "14:60:00", "24:00:01", "24:01", "25:00"])
+def test_a_time_that_no_clock_shows_is_refused(time):
+    for text in (f"6-26@{time}-d2 03:00", f"6-26@02:00-{time}"):
+        with pytest.raises(CaseError) as caught:
+            parse_outages(text, horizon())
+        [mistake] = caught.value.mistakes
+        assert mistake.allowed == f"times as HH:MM, not {time!r}"
+        assert mistake.hint == "hours run to 24, minutes to 59"
 
 
 def test_a_time_of_day_is_its_first_occurrence_in_the_horizon():

@@ -133,3 +133,79 @@ def test_a_column_that_is_missing_is_named_with_the_nearest(case_file):
     problem = problem_of(case_file, csv_text(), ('profile = "homes"', 'profile = "home"'))
     assert problem.table == "[[load]] load1"
     assert problem.hint == "did you mean homes?"
+
+
+def named(case_file, name, content):
+    """What is wrong with a profile file of another kind."""
+    path = case_file(("profiles.csv", name), text=CASE)
+    if content is not None:
+        (path.parent / name).write_bytes(content)
+    with pytest.raises(CaseError) as caught:
+        load_case(path)
+    [problem] = caught.value.mistakes
+    assert problem.table == "[profiles]"
+    return problem
+
+
+WHOLE = gzip.compress(csv_text().encode())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "allowed", "hint"),
+    [
+        ("none.csv", None, "a file that exists", "paths start at the case file's folder"),
+        ("p.xlsx", b"PK", "a .csv, .csv.gz or .parquet file", "convert the file"),
+        ("p.csv", csv_text(head="time,hömes,sun").encode("latin-1"), "UTF-8 text", "damaged"),
+        ("p.csv.gz", WHOLE[:-20], "UTF-8 text", "damaged"),
+        ("p.csv.gz", csv_text().encode(), "UTF-8 text", "damaged"),
+        ("p.csv.gz", b"", "`time` as the first column", "name the column"),
+        ("p.parquet", csv_text().encode(), "a Parquet file", "damaged"),
+        ("p.parquet", b"", "a Parquet file", "damaged"),
+    ],
+)
+def test_a_missing_or_damaged_file_is_refused(case_file, name, content, allowed, hint):
+    problem = named(case_file, name, content)
+    assert problem.key == "file"
+    assert problem.allowed == allowed
+    assert hint in problem.hint
+
+
+def as_parquet(folder, **columns):
+    pq.write_table(pa.table(columns), folder / "made.parquet")
+    return (folder / "made.parquet").read_bytes()
+
+
+def test_a_parquet_file_needs_a_column_of_times(case_file, tmp_path):
+    problem = named(case_file, "p.parquet", as_parquet(tmp_path, date=STAMPS, homes=VALUES))
+    assert (problem.key, problem.value) == ("file", "date, homes")
+    assert problem.allowed == "a column `time`"
+
+
+def test_times_of_a_parquet_file_may_be_text_but_have_no_zone(case_file, tmp_path):
+    path = case_file(("profiles.csv", "p.parquet"), text=CASE)
+    content = as_parquet(tmp_path, time=[str(stamp) for stamp in STAMPS], homes=VALUES)
+    (path.parent / "p.parquet").write_bytes(content)
+    np.testing.assert_array_equal(load_case(path).profile("homes"), VALUES[24:32])
+    zoned = pa.array(STAMPS, pa.timestamp("s", tz="UTC"))
+    problem = named(case_file, "p.parquet", as_parquet(tmp_path, time=zoned, homes=VALUES))
+    assert (problem.key, problem.value) == ("time", "'2016-07-12 00:00:00+00:00' in data row 1")
+    words = [*map(str, STAMPS[:11]), "noon", *map(str, STAMPS[12:])]
+    problem = named(case_file, "p.parquet", as_parquet(tmp_path, time=words, homes=VALUES))
+    assert (problem.key, problem.value) == ("time", "'noon' in data row 12")
+
+
+def test_an_empty_cell_of_a_parquet_file_is_nan(case_file, tmp_path):
+    gap = [*VALUES[:29], None, *VALUES[30:]]
+    problem = named_column(case_file, as_parquet(tmp_path, time=STAMPS, homes=gap))
+    assert "1 of 8 values NaN" in problem.value
+    assert "2016-07-12 07:15" in problem.value
+
+
+def named_column(case_file, content):
+    path = case_file(("profiles.csv", "p.parquet"), text=CASE)
+    (path.parent / "p.parquet").write_bytes(content)
+    with pytest.raises(CaseError) as caught:
+        load_case(path)
+    [problem] = caught.value.mistakes
+    assert problem.key == "homes"
+    return problem

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.observation import Observation
 from resilience.simulation.simulate import simulate
+from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 from resilience.testing import small_case
 
@@ -28,37 +31,49 @@ VALUE = 0.35
 QUICK = sorted(set(DISPATCHERS) - {"sddp"})  # which trains first: its own tests say the same
 
 
+SPLIT = 52
+
+
 @pytest.fixture(scope="module")
 def world() -> World:
-    case = held_out(rs.load_case("ieee33-tou"), 1)
+    """A test day up to 15:00 in two storms, which have outages before and after 13:00."""
+    day = held_out(rs.load_case("ieee33-tou"), 1)
+    storms = sample_bell(day, Bell(), 3, 5)
+    down = storms.down[:, :60, 1:]
+    assert down[:, :SPLIT].any()
+    assert (down[:, SPLIT:] & ~down[:, [SPLIT - 1]]).any()
+    centre = None if storms.centre is None else storms.centre[:, 1:]
     return World.build(
-        Microgrid.build(case, "copperplate"),
-        sample_bell(case, Bell(), 3, 5),
+        Microgrid.build(day.replace(slots=60), "copperplate"),
+        Scenarios(storms.lines, down, np.full(2, 0.5), centre),
         end_value_per_mwh=VALUE,
     )
 
 
+@pytest.fixture(scope="module")
+def runs(world: World) -> Callable[[str], Trajectory]:
+    """What a dispatcher does in that world, once for all tests."""
+    return cache(lambda name: simulate(world, DISPATCHERS[name](world)))
+
+
 @pytest.mark.parametrize("name", QUICK)
-def test_nobody_beats_the_clairvoyant_bound(world: World, name: str) -> None:
+def test_nobody_beats_the_clairvoyant_bound(
+    world: World, runs: Callable[[str], Trajectory], name: str
+) -> None:
     bound = clairvoyant(world)
-    run = simulate(world, DISPATCHERS[name](world))
-    assert (run.objective(VALUE) >= bound.objective - 1e-6).all()
+    assert (runs(name).objective(VALUE) >= bound.objective - 1e-6).all()
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_nobody_sees_the_future(world: World, name: str) -> None:
+def test_nobody_sees_the_future(world: World, runs: Callable[[str], Trajectory], name: str) -> None:
     """Storms that differ only from 13:00 on are met alike until then."""
     storms = world.scenarios
-    at = 52
-    assert storms.down[:, at:].any()
     calm = storms.down.copy()
-    calm[:, at:] = False
+    calm[:, SPLIT:] = False
     other = Scenarios(storms.lines, calm, storms.probability, storms.centre)
-    runs = [
-        simulate(w, DISPATCHERS[name](w))
-        for w in (world, World(world.microgrid, world.simulator, other, VALUE))
-    ]
-    np.testing.assert_allclose(runs[0].storage[:, :at], runs[1].storage[:, :at], atol=1e-7)
+    elsewhere = World(world.microgrid, world.simulator, other, VALUE)
+    run = simulate(elsewhere, DISPATCHERS[name](elsewhere))
+    np.testing.assert_allclose(runs(name).storage[:, :SPLIT], run.storage[:, :SPLIT], atol=1e-7)
 
 
 def test_the_bound_is_reached_by_its_own_decisions(world: World) -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from resilience.errors import InfeasibleError
-from resilience.models.backends.base import Solution
+from resilience.errors import InfeasibleError, SolverError
+from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
@@ -36,6 +36,7 @@ def stage(rng: np.random.Generator) -> Stage:
     made.cost("filling", fill, price)
     made.cost("missing", short, rng.uniform(4.0, 9.0, 2))
     made.cost("holding", now, rng.uniform(0.0, 0.2, 2))  # a price of the states themselves
+    made.cost("standing", fill * 0.0 + 0.7, price)  # whatever is done
     return made
 
 
@@ -105,6 +106,41 @@ def test_the_bound_of_the_extensive_form_is_that_of_its_multipliers(
     assert found.objective == pytest.approx(best, rel=1e-9)
     assert found.bound < best - 0.01
     assert found.status == "feasible"
+
+
+def test_it_says_how_it_came_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounds are counted as the second stage is solved; a cost at the start needs a start."""
+    two, calls = program(4), list[int]()
+    solve = Recourse.solve
+    monkeypatch.setattr(Recourse, "solve", lambda self, x: calls.append(1) or solve(self, x))
+    found = lshaped(two, TIGHT)
+    assert found.iterations == len(calls) > 2
+    assert found.start_cost is None
+    again = lshaped(two, replace(TIGHT, start=np.full((two.trunk, 2), 0.3)))
+    assert again.start_cost is not None
+    assert again.iterations == len(calls) - found.iterations
+
+
+def test_columns_that_are_held_idle_are_zero_and_cost_as_in_one_piece() -> None:
+    """The first store of branch 2 is not filled any more, nor is the second in the trunk."""
+    two = program(6)
+    standard = two.programs[two.branches[2].program]
+    idle = {2: standard.columns("fill")[0]}
+    trunk = two.first.columns("fill")[1]
+    options = replace(TIGHT, idle_branches=idle, idle_trunk=trunk)
+    cut, whole, free = lshaped(two, options), extensive(two, options), lshaped(two, TIGHT)
+    assert cut.objective == pytest.approx(whole.objective, rel=1e-8)
+    assert cut.objective > free.objective + 1e-3
+    assert np.abs(cut.points[2][idle[2]]).max() == 0.0
+    assert np.abs(cut.trunk[trunk]).max() == 0.0
+
+
+def test_a_solver_that_stops_without_an_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    two = program(2)
+    recourse = Recourse(two)
+    monkeypatch.setattr(Highs, "solve", lambda solver: NOTHING)
+    with pytest.raises(SolverError, match=r"no recourse from 't\d in scenario 0' on"):
+        recourse.solve(np.full((len(two.branches), 2), 0.6))
 
 
 def test_a_start_changes_the_way_and_not_the_end() -> None:

@@ -17,7 +17,9 @@ from resilience.fragility.lines.spans import (
     SpannedLines,
     failure_probability,
     joint_probability,
+    log_standing,
     poles_in_series,
+    scores,
 )
 from tests.unit.fragility.spans import WEAK, gusts, passing, poles
 
@@ -161,3 +163,20 @@ def test_no_lines() -> None:
     with pytest.raises(UsageError, match="line c; allowed"):
         joint_probability(poles([1]), gusts([[30.0]]), ["c"])
     assert poles_in_series(["a"], np.array([0])).series[0].curve is CURVES["pole"]
+
+
+@pytest.mark.parametrize("correlation", [-0.1, 1.1, float("nan")])
+def test_a_correlation_lies_between_0_and_1(correlation: float) -> None:
+    with pytest.raises(UsageError, match=r"correlation (-0.1|1.1|nan); allowed: 0 to 1"):
+        poles([2, 3], correlation)
+
+
+def test_at_correlation_1_the_weakest_element_of_a_line_decides() -> None:
+    """Three poles in 36 m/s, one in 41; a line of two in 38: Z below the score of the worst."""
+    lines = poles([4, 2], 1.0)
+    score = scores(lines, np.array([36.0, 36.0, 41.0, 36.0, 38.0, 38.0]))
+    worst = np.log(np.array([41.0, 38.0]) / 45.0) / 0.2
+    z = np.array([worst[0] - 0.01, worst[0] + 0.01, worst[1] - 0.01, worst[1] + 0.01])
+    found = log_standing(lines, score, z)
+    assert np.isneginf(found).tolist() == [[True, False, True, True], [False, False, True, False]]
+    assert (found[np.isfinite(found)] == 0.0).all()

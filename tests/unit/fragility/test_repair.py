@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import kstest, lognorm, norm
 
 from resilience.errors import UsageError
+from resilience.fragility.lines.spans import calm
 from resilience.fragility.outages.repair import (
     OngoingOutages,
     Repair,
@@ -16,6 +17,7 @@ from resilience.fragility.outages.repair import (
     crew_since,
     repair_outcome,
 )
+from tests.unit.fragility.spans import gusts, poles
 
 SLOTS = 400
 RNG = np.random.default_rng(5)
@@ -160,6 +162,37 @@ def test_a_line_that_is_back_may_fail_again() -> None:
     )
     assert asked == [(4, 1), (8, 2)]
     assert np.flatnonzero(found.down[0, :, 0]).tolist() == [2, 3, 5, 6, 7, 9, 10, 11]
+
+
+@pytest.mark.parametrize(("slots", "asked_for"), [(4, []), (5, [4]), (6, [4])])
+def test_a_line_that_is_back_in_the_last_slot_fails_no_more(
+    slots: int, asked_for: list[int]
+) -> None:
+    """Down in slots 2 and 3; new in slot 4, if there is one, and down again in it."""
+    asked: list[int] = []
+
+    def again(line: np.ndarray, scenario: np.ndarray, times: np.ndarray, start: int) -> np.ndarray:
+        asked.append(start)
+        return np.full(len(line), start)
+
+    found = repair_outcome(
+        np.array([[2]]),
+        lambda line, scenario, times: np.full(len(line), 2),
+        lambda t: np.ones((1, 1), bool),
+        slots,
+        again=again,
+    )
+    assert asked == asked_for
+    assert found.down[0, :, 0].tolist() == [t >= 2 for t in range(slots)]
+
+
+def test_nobody_works_above_20_metres_per_second_unless_told() -> None:
+    """Two spans of one line, the windier of which counts; the other line is calmer."""
+    lines = poles([2, 1])
+    wind = gusts([[12.0, 20.0, 19.9, 3.0], [19.9, 7.0, 20.1, 2.0], [20.1, 8.0, 6.0, 25.0]])
+    found = calm(lines, wind, Repair().wind_limit_mps)
+    assert found.tolist() == [[True, True, False, True], [False, True, True, False]]
+    assert "none above 20 m/s" in str(Repair())
 
 
 U = np.random.default_rng(6).random(4000)

@@ -6,7 +6,7 @@ import numpy as np
 
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
-from resilience.models.program.standard import Standard
+from resilience.models.program.standard import Standard, reach
 from resilience.models.program.unroll import unroll
 
 
@@ -51,3 +51,12 @@ def test_numbers_of_a_form_are_bounds_sides_and_prices() -> None:
     assert sides.ravel().tolist() == [0.0]
     assert prices.ravel().tolist() == [0.0, 0.0, 0.0, 0.2]
     np.testing.assert_array_equal(form.prices(np.zeros((0, 1))), prices)
+
+
+def test_a_bound_that_a_slope_does_not_touch_may_be_infinite() -> None:
+    """2 x - 3 y over 1 .. 4 and -5 .. 7, whatever a third and a fourth value may be."""
+    beta = np.array([[2.0, -3.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.5]])
+    low, high = np.array([1.0, -5.0, -np.inf, 2.0]), np.array([4.0, 7.0, np.inf, np.inf])
+    least, greatest = reach(beta, low, high)
+    assert least.tolist() == [2.0 - 21.0, 1.0]
+    assert greatest.tolist() == [8.0 + 15.0, np.inf]

@@ -129,6 +129,8 @@ def test_where_importing_and_exporting_at_once_would_earn_one_of_them_is_closed(
     assert found[1].cost == pytest.approx([0.9, 0.9, 0.4, 0.9])
     dark = stepped(small_case(load=[LOAD], ess=[ESS], grid=[EARNING]), [[0.3, -0.2]])
     assert flow(dark, "grid.import[grid1]") == pytest.approx([1.3, 0.8])
+    assert dark[1].charge[0] == pytest.approx([0.3, 0.0])
+    assert dark[1].discharge[0] == pytest.approx([0.0, 0.2])
     assert dark[1].cost == pytest.approx([-3.9, -2.4])
 
 
@@ -170,6 +172,8 @@ def test_orders_that_were_forgotten_are_found_again(
     for t in (0, 1, 2, 1, 0, 2, 0):
         step = simulator.step(none, none, data[:, [t]], situation.island[:, [t]])
         assert step.cost == pytest.approx([exact[t]])
+        assert len(simulator._priced_orders) <= most
+        assert len(simulator._orders) <= most
 
 
 def test_a_case_without_loads_without_storage_or_without_anything_else() -> None:
