@@ -1,4 +1,4 @@
-"""Rows of best tracks as they were published: facts, so that no test needs a file beside the tree."""
+"""Rows of best tracks as they were published: facts, so that no test needs more than the tree."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """How Hypothesis behaves in every test here.
 
-A failure is told as it was found, not made smaller first: that took minutes, in which a test run may
-be ended before it says anything. `pytest --hypothesis-profile shrink TEST` makes it smaller.
+A failure is told as it was found, not made smaller first: that took minutes, in which a test run
+may be ended before it says anything. `pytest --hypothesis-profile shrink TEST` makes it smaller.
 """
 
 from __future__ import annotations

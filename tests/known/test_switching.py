@@ -1,5 +1,6 @@
 """Lines that the plan may open and close: load saved through a tie, and always a forest."""
 
+from dataclasses import replace
 from typing import Any
 
 import networkx as nx
@@ -7,6 +8,8 @@ import numpy as np
 import pytest
 
 from resilience.case import Case
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import lower
 from resilience.models.case_program import horizon
 from resilience.models.methods.start import with_switches_held
 from resilience.testing import small_case
@@ -125,6 +128,23 @@ def test_a_fixed_line_in_a_dead_part_is_no_link_of_the_tree() -> None:
     assert found.objective == pytest.approx(0.3 * (3 * 1.4 + 2 * 0.9) + 1.5 * 0.9, rel=1e-6)
     assert found["line.closed"].sum(0) == pytest.approx([2, 2, 2])
     forest(found)
+
+
+def test_an_open_line_has_no_current_even_where_the_cone_is_relaxed() -> None:
+    """Else what must be taken could be burnt in it: r l at no flow. Here currents are wanted."""
+    program = horizon(tied({"rating_mva": 1.5}), "distflow")
+    standard, vectors = program.standard, program.vectors
+    tie = standard.labels("line.l").index("1-3")
+    current = standard.columns("line.l")[tie]
+    cost = np.zeros(standard.n_columns)
+    cost[current] = -1.0
+    solver = Highs(lower(standard, integer="none", modes={}))
+    solver.update(replace(vectors, cost=cost, offset=0.0))
+    point = solver.solve().point
+    # A forest has the tie in the two hours of the outage, and in no other.
+    assert point[standard.columns("line.closed")[0]] == pytest.approx([0, 1, 1, 0], abs=1e-9)
+    assert point[current][[0, 3]] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert point[current][[1, 2]].min() > 0.5
 
 
 def two_sources() -> Case:

@@ -19,7 +19,7 @@ HOURLY_MPS = (
     36.383, 37.623, 38.156, 37.386, 34.993, 31.257, 28.092, 24.336, 20.993, 18.572, 16.586, 15.003,
     13.057, 12.094, 11.178, 10.262, 9.306, 8.282, 7.443, 6.441, 5.513, 5.018, 4.480, 3.909,
 )  # fmt: skip
-"""What `rammasun` gives, every hour from 12:00 on 17 July 2014; at 15:00 CLIMADA 6.1.0 has 38.177."""
+"""What `rammasun` gives, hourly from 12:00 on 17 July 2014; CLIMADA 6.1.0 has 38.177 at 15:00."""
 
 
 def rammasun() -> NDArray[np.float64]:

@@ -127,6 +127,12 @@ def test_where_importing_and_exporting_at_once_would_earn_one_of_them_is_closed(
     assert flow(found, "pv.p[pv1]") == pytest.approx([1.6] * 4)
     assert found[1].discharge[0] == pytest.approx([0.0] * 4)
     assert found[1].cost == pytest.approx([0.9, 0.9, 0.4, 0.9])
+    calm = stepped(
+        small_case(load=[{**LOAD, "p_max_mw": 0.4}], ess=[ESS], grid=[EARNING]), [[-0.9, 0.7]]
+    )
+    assert flow(calm, "grid.export[grid1]") == pytest.approx([0.5, 0.0])
+    assert calm[1].discharge[0] == pytest.approx([0.9, 0.0])
+    assert calm[1].charge[0] == pytest.approx([0.0, 0.7])
     dark = stepped(small_case(load=[LOAD], ess=[ESS], grid=[EARNING]), [[0.3, -0.2]])
     assert flow(dark, "grid.import[grid1]") == pytest.approx([1.3, 0.8])
     assert dark[1].charge[0] == pytest.approx([0.3, 0.0])
