@@ -108,6 +108,52 @@ def test_greedy_serves_the_net_demand_of_its_island() -> None:
     assert run.cost.sum() == pytest.approx(0.0)
 
 
+def two_stores(grid: bool) -> World:
+    """Half hours with two unequal stores, a generator and sun, with a grid or without."""
+    case = small_case(
+        slots=4,
+        step_min=30.0,
+        load=[{"p_max_mw": 1.2, "shed_cost_per_mwh": 5.0, "profile": "demand"}],
+        pv=[{"p_max_mw": 2.0, "profile": "sun"}],
+        generator=[{"p_max_mw": 0.5, "cost_per_mwh": 2.0}],
+        ess=[
+            {"p_max_mw": 1.5, "p_min_mw": -0.8, "e_mwh": 4.0, "soc_initial": 0.55}
+            | {"efficiency_charge": 0.9, "efficiency_discharge": 0.8},
+            {"p_max_mw": 0.5, "p_min_mw": -0.4, "e_mwh": 3.0, "soc_initial": 0.3},
+        ],
+        grid=[{"import_max_mw": 4.0, "import_cost_per_mwh": 1.0}] if grid else [],
+        profiles={"demand": [1.0, 0.25, 0.375, 0.5], "sun": [0.05, 0.55, 0.025, 0.3]},
+    )
+    none = Scenarios((), np.zeros((0, 4, 1), bool), np.ones(1))
+    return World.build(Microgrid.build(case, "copperplate"), none)
+
+
+def test_in_an_island_the_rule_gives_what_generators_cannot_and_takes_what_is_over() -> None:
+    """1.1 MW net are 0.6 after the generator, half of 1.2; -0.8 are 0.4 of what they take.
+
+    0.4 MW net leave the generator with 0.1 to spare, and storage still.
+    """
+    world = two_stores(grid=False)
+    for dispatcher in (Rule(world, 0.7), Greedy(world, generators_first=True)):
+        run = simulate(world, dispatcher)
+        assert run.storage[:, :3, 0].T.tolist() == [
+            pytest.approx([0.4, 0.2]),
+            pytest.approx([-0.6, -0.2]),
+            pytest.approx([0.0, 0.0]),
+        ]
+
+
+def test_with_a_grid_the_rule_goes_to_its_level_and_reckons_with_losses() -> None:
+    """From 2.2 to 2 MWh: 0.2 * 0.8 / 0.5 h; from 0.9 towards 1.5 MWh by 0.5 MW: three slots."""
+    world = two_stores(grid=True)
+    run = simulate(world, Rule(world, 0.5))
+    assert run.storage[:, :, 0].tolist() == [
+        pytest.approx([0.32, 0.0, 0.0, 0.0], abs=1e-9),
+        pytest.approx([-0.5, -0.5, -0.2, 0.0], abs=1e-9),
+    ]
+    assert run.energy[:, -1, 0] == pytest.approx([2.0, 1.5])
+
+
 def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
     """MPC that sees everything, and is right about the lines, is the deterministic plan."""
     case = rs.load_case("ieee33").replace(slots=12, outages=())
