@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.profiles import MAX_PU
 from resilience.errors import UsageError
 from resilience.models.algebra import Affine, stack
 from resilience.models.components import (
@@ -19,10 +20,12 @@ from resilience.models.components import (
     DeviceFleet,
     Lines,
     Topology,
+    bus_capacity,
     device_fleets,
 )
 from resilience.models.language.stage import Stage
-from resilience.models.network.graph import bundle, closable, cycle, exchange, merge
+from resilience.models.network.graph import bridges, bundle, closable, cycle, merge
+from resilience.models.network.limits import FlowLimits, current_limits, lossless_limits
 from resilience.models.network.situation import Islands, Situation
 
 if TYPE_CHECKING:
@@ -31,7 +34,6 @@ if TYPE_CHECKING:
 
 Physics = Literal["copperplate", "lindistflow", "distflow"]
 PHYSICS: tuple[Physics, ...] = get_args(Physics)
-MARGIN = 1.25  # of what two sides of a line can exchange, so that losses never bind
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,7 @@ class Microgrid:
 
     def _wires(self) -> list[Component]:
         network = self.network
+        buses = None if self.physics == "copperplate" else self._buses()
         lines = Lines(
             names=network.line_names,
             from_bus=network.from_bus,
@@ -121,15 +124,17 @@ class Microgrid:
             r=network.r_pu,
             x=network.x_pu,
             rating=network.rating_mva,
-            flow_max=MARGIN * exchange(network, *self._capacity()),
+            limits=self._flow_limits(buses),
+            determined=bridges(network),
             fallible=self.fallible,
             switchable=network.switchable,
             closed=network.in_service,
             switching_cost=network.switching_cost,
-            v_band=(float(network.v_min_pu.min()), float(network.v_max_pu.max())),
+            v_min=buses.v_min_pu if buses else None,
+            v_max=buses.v_max_pu if buses else None,
             losses=self.physics == "distflow",
         )
-        voltages = [] if self.physics == "copperplate" else [self._buses()]
+        voltages = [buses] if buses else []
         switches = (
             [Topology(lines, network.bus_names, self.forming)] if network.switchable.any() else []
         )
@@ -143,13 +148,24 @@ class Microgrid:
             low[fleet.bus[holds]] = high[fleet.bus[holds]] = voltage[holds]
         return Buses(self.network.bus_names, low, high)
 
-    def _capacity(self) -> tuple[Floats, Floats]:
-        """(buses,) most that devices can feed in and take, MVA, reactive power included."""
-        total = np.zeros((2, len(self.network.bus_names)))
-        for fleet in self.fleets.values():
-            for sums, values in zip(total, fleet.capacity(), strict=True):
-                np.add.at(sums, fleet.bus, values)
-        return total[0], total[1]
+    def _flow_limits(self, buses: Buses | None) -> FlowLimits:
+        """What lines can be asked to carry; `buses` have the voltages, if there are any."""
+        names, capacity = bus_capacity(self.fleets.values(), len(self.network.bus_names))
+        # A profile that is none of the case's comes from elsewhere, with what a case may state.
+        peak = np.array(
+            [
+                self.case.profile(name).max()
+                if name is None or name in self.case.profiles
+                else MAX_PU
+                for name in names
+            ]
+        )
+        if buses is None or self.physics == "lindistflow":
+            forth, back = lossless_limits(self.network, capacity)
+            return FlowLimits(names, peak, forth, back)
+        current = current_limits(self.network, capacity, buses.v_min_pu)
+        sent = buses.v_max_pu[self.network.from_bus, None] * current
+        return FlowLimits(names, peak, sent, sent, current)
 
     def stage(self, dt: float) -> Stage:
         """One step of `dt` hours: all components, and `balance` of power at every bus."""

@@ -7,6 +7,7 @@ import numpy as np
 from resilience.arrays import Ints
 from resilience.models.components import Buses, Lines, Topology, fleet_classes
 from resilience.models.language.stage import Stage
+from resilience.models.network.limits import FlowLimits
 
 
 def showcase() -> Stage:
@@ -20,12 +21,14 @@ def showcase() -> Stage:
         r=np.ones(1),
         x=np.ones(1),
         rating=np.ones(1),
-        flow_max=np.ones(1),
+        limits=FlowLimits((None,), np.ones(1), *np.ones((3, 1, 1))),
+        determined=np.ones(1, bool),
         fallible=np.ones(1, bool),
         switchable=np.ones(1, bool),
         closed=np.ones(1, bool),
         switching_cost=np.ones(1),
-        v_band=(0.9, 1.1),
+        v_min=np.full(2, 0.9),
+        v_max=np.full(2, 1.1),
         losses=True,
     )
     Buses(("1", "2"), np.full(2, 0.9), np.full(2, 1.1)).emit(stage)

@@ -40,6 +40,13 @@ class Solved:
         return self.answer.bound
 
     @property
+    def near_limits(self) -> dict[str, float]:
+        """How near it came to auxiliary limits, by variable, as the referee says."""
+        worst = audit(self.problem.standard, self.z, self.problem.vectors).worst
+        word = "auxiliary "
+        return {name.removeprefix(word): x for name, x in worst.items() if name.startswith(word)}
+
+    @property
     def violation(self) -> float:
         """Worst scaled violation of anything in the model."""
         return audit(self.problem.standard, self.z, self.problem.vectors).maximum

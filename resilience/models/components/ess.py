@@ -81,6 +81,10 @@ class ESS(DeviceFleet):
         p_min, p_max = self.power_range()
         return np.maximum(p_max, rating), np.maximum(-p_min, rating)
 
+    def apparent_mva(self) -> Floats:
+        """The larger of its limits and the inverter's rating."""
+        return np.maximum(*self.capacity())
+
     def size_mw(self) -> Floats:
         """The charging limit."""
         return self._array("p_max_mw")

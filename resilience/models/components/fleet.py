@@ -21,6 +21,7 @@ from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.components.base import Injection
 from resilience.models.language.stage import Stage
+from resilience.models.network.limits import Capacity
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
@@ -138,12 +139,21 @@ class DeviceFleet(ABC):
         """Least and greatest power that every device can feed in, MW; taking is negative."""
 
     def capacity(self) -> tuple[Floats, Floats]:
-        """What every device can feed in and take at most, MVA, reactive power included.
+        """What every device can feed in and take, MVA, reactive power included.
 
-        It bounds what lines can be asked to carry: too much is harmless, too little is wrong.
+        Beside what `expected` and `reactive_per_mw` say, which others add; so nothing by default
+        for devices that are expected to follow a profile. It bounds what lines can be asked to
+        carry: too much is harmless, too little is wrong.
         """
         p_min, p_max = self.power_range()
+        if self.expected():
+            return np.zeros(len(self.tables)), np.zeros(len(self.tables))
         return np.maximum(p_max, 0.0), np.maximum(-p_min, 0.0)
+
+    def apparent_mva(self) -> Floats:
+        """(devices,) greatest apparent power, MVA, either way, likewise beside `expected`."""
+        supply, demand = self.capacity()
+        return supply + demand
 
     def size_mw(self) -> Floats:
         """Nominal power, MW, as lists of devices show it."""
@@ -267,3 +277,27 @@ def in_roles(fleets: Iterable[AnyFleet], *roles: Role) -> list[AnyFleet]:
     """Those fleets that have one of the roles, in the order of the roles."""
     fleets = list(fleets)
     return [fleet for role in roles for fleet in fleets if fleet.role == role]
+
+
+def bus_capacity(
+    fleets: Iterable[DeviceFleet], buses: int
+) -> tuple[tuple[str | None, ...], Capacity]:
+    """What the devices at every bus can do, and the profiles in which that is linear."""
+    fleets = list(fleets)
+    expected = [fleet.expected() for fleet in fleets]
+    names = tuple(dict.fromkeys([None, *(name for follows in expected for name, _ in follows)]))
+    supply, demand, apparent = np.zeros((3, buses, len(names)))
+    for fleet, follows in zip(fleets, expected, strict=True):
+        feeds, takes = fleet.capacity()
+        constant = np.full(len(fleet.bus), names.index(None))
+        np.add.at(supply, (fleet.bus, constant), feeds)
+        np.add.at(demand, (fleet.bus, constant), takes)
+        np.add.at(apparent, (fleet.bus, constant), fleet.apparent_mva())
+        if follows:
+            p = np.array([mw for _, mw in follows])
+            q = p * fleet.reactive_per_mw()
+            place = fleet.bus, np.array([names.index(name) for name, _ in follows])
+            np.add.at(supply, place, np.maximum(np.maximum(p, q), 0.0))
+            np.add.at(demand, place, np.maximum(-np.minimum(p, q), 0.0))
+            np.add.at(apparent, place, np.hypot(p, q))
+    return names, Capacity(supply, demand, apparent)

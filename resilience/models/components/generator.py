@@ -93,6 +93,11 @@ class Generators(DeviceFleet):
         supply = self._array("p_max_mw") + np.maximum(self._array("q_max_mvar"), 0.0)
         return supply, np.maximum(-self._array("q_min_mvar"), 0.0)
 
+    def apparent_mva(self) -> Floats:
+        """At its greatest active and reactive power."""
+        q_min, q_max = self._array("q_min_mvar"), self._array("q_max_mvar")
+        return np.hypot(self._array("p_max_mw"), np.maximum(np.abs(q_min), np.abs(q_max)))
+
     def merge_key(self, table: GeneratorTable) -> Hashable | None:
         """Its price; a unit with a curve, ramps or commitment stays alone."""
         limits = (table.cost_curve, table.ramp_up_mw_per_h, table.ramp_down_mw_per_h)

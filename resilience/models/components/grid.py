@@ -63,6 +63,11 @@ class Grids(DeviceFleet):
         p_min, p_max = self.power_range()
         return p_max + self.q_max_mvar, -p_min + self.q_max_mvar
 
+    def apparent_mva(self) -> Floats:
+        """At its greatest active power, either way, and its greatest reactive power."""
+        p_min, p_max = self.power_range()
+        return np.hypot(np.maximum(p_max, -p_min), self.q_max_mvar)
+
     def size_mw(self) -> Floats:
         """The import limit."""
         return self._array("import_max_mw")

@@ -11,12 +11,14 @@ $P - r\ell$ and $Q - x\ell$:
 $$ v_j = v_i - 2 (r P + x Q) + (r^2 + x^2)\,\ell + \sigma, \qquad \ell\, v_i = P^2 + Q^2 $$
 
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
-ends free of each other, $|\sigma| \le (\overline{V}^2 - \underline{V}^2)(1 - z)$. The status $z$ is
-data; only a switchable line has a binary $z \le$ status, and each change of it costs
-`switching_cost`. A rating is a disc, $P^2 + Q^2 \le S^2$, at both ends.
+ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
+switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
+is a disc, $P^2 + Q^2 \le S^2$, at both ends; without voltages, $|P| \le S$.
 
-$\overline{F}$ is 1.25 times what the two sides of the line can exchange: it cuts off solutions that
-burn energy in the wires, never one that supplies a load.
+$\overline{F}$, $\overline{\ell}$ and $\overline{\sigma}$ are there for solvers: 1.1 times what
+devices and the voltage bands of the two ends allow at all (`resilience.models.network.limits`, and
+1.1 times the rating where that is less). They follow the profiles of the slot; only in the rows of
+a switch they are the most of the horizon.
 
 | symbol | name | unit |
 |---|---|---|
@@ -26,6 +28,8 @@ burn energy in the wires, never one that supplies a load.
 | $z$ | `line.closed`, only where switchable | 1 |
 | $r, x$ | impedance on a base of 1 MVA | pu |
 | $S$ | `rating_mva` | MVA |
+| $\overline{F}$ | `line.forth`, `line.back` (data), by the direction of flow | MVA |
+| $\overline{\ell}$ | `line.l_max` (data) | pu |
 """
 
 from __future__ import annotations
@@ -38,7 +42,9 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels, scatter, stack
 from resilience.models.components.base import Injection
 from resilience.models.language.stage import Stage
+from resilience.models.network.limits import MARGIN, FlowLimits
 from resilience.models.network.situation import Situation
+from resilience.tolerances import INPUT_TOLERANCE
 
 LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cones
 
@@ -52,12 +58,14 @@ class Lines:
         from_bus, to_bus: indices of the buses at their ends.
         r, x: series impedance, pu.
         rating: thermal limit, MVA; infinite without one.
-        flow_max: F in the module's docstring, MVA; none of the physics needs it to be tight.
+        limits: F in the module's docstring, and what it is made of.
+        determined: lines whose flow follows from the injections; elsewhere it may circulate.
         fallible: lines that data may take out.
         switchable: lines with a binary status.
         closed: status of the switchable lines at the start.
         switching_cost: $ each time a line is opened or closed.
-        v_band: lowest and highest voltage of all buses, pu.
+        v_min, v_max: (buses,) lowest and highest voltage, pu; None where there are no voltages, and
+            a rating is a bound in place of a disc.
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
     """
 
@@ -67,12 +75,14 @@ class Lines:
     r: Floats
     x: Floats
     rating: Floats
-    flow_max: Floats
+    limits: FlowLimits
+    determined: Bools
     fallible: Bools
     switchable: Bools
     closed: Bools
     switching_cost: Floats
-    v_band: tuple[float, float]
+    v_min: Floats | None
+    v_max: Floats | None
     losses: bool
 
     @property
@@ -83,11 +93,14 @@ class Lines:
     def emit(self, stage: Stage) -> Injection:
         """Flow out of one end and into the other."""
         status = self._status(stage)
-        limit = np.minimum(self.flow_max, self.rating)
-        p = self._flow(stage, "line.p", limit, "MW", "active power sent", status)
+        forth, back = (
+            stage.data(f"line.{way}", self.names, unit="MVA", about=f"most that can flow {way}")
+            for way in ("forth", "back")
+        )
+        p = self._flow(stage, "line.p", (back, forth), "MW", "active power sent", status)
         if not stage.reactive:
             return Injection(stack([-p, p]), None, np.concatenate([self.from_bus, self.to_bus]))
-        q = self._flow(stage, "line.q", limit, "Mvar", "reactive power sent", status)
+        q = self._flow(stage, "line.q", (back, forth), "Mvar", "reactive power sent", status)
         p_end, q_end = self._voltages(stage, p, q, status)
         rated = np.flatnonzero(np.isfinite(self.rating))
         stage.disc("line.rating", self.rating[rated], p[rated], q[rated])
@@ -116,16 +129,39 @@ class Lines:
         self,
         stage: Stage,
         name: str,
-        limit: Floats,
+        limits: tuple[Affine, Affine],
         unit: str,
         about: str,
         closed: Affine | None,
     ) -> Affine:
-        flow_max = stage["line.up"] * limit
-        flow = stage.var(name, self.names, -flow_max, flow_max, unit=unit, about=about)
+        back, forth = limits
+        flow = stage.var(name, self.names, -back, forth, unit=unit, about=about)
+        # Without voltages the rating is a bound, and no auxiliary one.
+        rated = np.isfinite(self.rating) & (self.v_min is None)
+        stage.mark_auxiliary(name, self.determined & ~rated)
         if closed is not None:
-            stage.switch(f"{name}.switch", flow[self.switched], closed, limit[self.switched])
+            rows = self.switched
+            stage.switch(f"{name}.switch", flow[rows], closed, np.maximum(*self._peaks[:2])[rows])
         return flow
+
+    @property
+    def _peaks(self) -> tuple[Floats, Floats, Floats]:
+        """(lines,) `forth`, `back` and `l_max` at the peaks of all profiles."""
+        forth, back, l_max = self._limits(self.limits.peak[:, None])
+        return forth[:, 0], back[:, 0], l_max[:, 0]
+
+    def _limits(self, profiles: Floats) -> tuple[Floats, Floats, Floats]:
+        """(lines, nodes) `forth`, `back` and `l_max` of lines that are up, at (profiles, nodes)."""
+        limits, rating = self.limits, self.rating[:, None]
+        forth, back = limits.forth @ profiles, limits.back @ profiles
+        if self.v_min is None:
+            rated = np.isfinite(rating)
+            return np.where(rated, rating, forth), np.where(rated, rating, back), 0.0 * forth
+        forth, back = (np.minimum(flow, MARGIN * rating) for flow in (forth, back))
+        if limits.current is None:
+            return forth, back, 0.0 * forth
+        by_rating = MARGIN * rating / self.v_min[self.from_bus, None]
+        return forth, back, np.minimum(limits.current @ profiles, by_rating) ** 2
 
     def _voltages(
         self, stage: Stage, p: Affine, q: Affine, closed: Affine | None
@@ -137,14 +173,14 @@ class Lines:
             stage.tiebreak(q, self.r)
             stage.eq("line.voltage", _labelled(drop, self.names))
             return p, q
-        current_max = np.minimum(2.0 * self.flow_max**2, self.rating**2) / self.v_band[0] ** 2
-        limit = stage["line.up"] * current_max
+        limit = stage.data("line.l_max", self.names, unit="pu", about="most squared current")
         current = stage.var(
             "line.l", self.names, 0.0, limit, unit="pu", about="squared current (1 MVA)"
         )
+        stage.mark_auxiliary("line.l")
         if closed is not None:
             rows = self.switched
-            stage.le("line.l.switch", current[rows], closed * current_max[rows])
+            stage.le("line.l.switch", current[rows], closed * self._peaks[2][rows])
         impedance = self.r**2 + self.x**2
         stage.eq("line.voltage", _labelled(drop - current * impedance, self.names))
         stage.cone("line.flow", current, _labelled(v_i, self.names), p, q)
@@ -155,19 +191,59 @@ class Lines:
         free = np.flatnonzero(self.fallible | self.switchable)
         if not len(free):
             return Affine.constant(0.0, len(self.names))
-        width = self.v_band[1] ** 2 - self.v_band[0] ** 2
+        width = self._gap_max()[free]
         names = [self.names[i] for i in free]
         gap_max = width - stage["line.up"][free] * width * ~self.switchable[free]
         gap = stage.var(
             "line.gap", names, -gap_max, gap_max, unit="pu²", about="voltage across open line"
         )
+        stage.mark_auxiliary("line.gap")
         if closed is not None:
             rows = np.searchsorted(free, self.switched)  # of switched lines, among the free
-            stage.switch("line.gap.switch", gap[rows], 1.0 - closed, width)
+            stage.switch("line.gap.switch", gap[rows], 1.0 - closed, width[rows])
         return scatter(gap, free, len(self.names))
 
+    def _gap_max(self) -> Floats:
+        """(lines,) most that the squared voltages of the two ends can differ by, pu²."""
+        assert self.v_min is not None
+        assert self.v_max is not None
+        low, high = self.v_min**2, self.v_max**2
+        i, j = self.from_bus, self.to_bus
+        return MARGIN * np.maximum(high[j] - low[i], high[i] - low[j])
+
     def data(self, situation: Situation) -> dict[str, Floats]:
-        """Line status."""
+        """Line status, and limits of flow.
+
+        Raises:
+            ValueError: a line fails that was built as one that cannot, or profiles are above the
+                peaks that a switch was built for.
+        """
+        up = self.status(situation)
+        forth, back, l_max = self._limits(self.limits.values(situation.profile, situation.n))
+        self._check_peaks(np.maximum(forth, back).max(1, initial=0.0))
+        data: dict[str, Floats] = {
+            "line.up": up,
+            "line.forth": up * forth,
+            "line.back": up * back,
+        }
+        return data | {"line.l_max": up * l_max} if self.losses else data
+
+    def _check_peaks(self, flow: Floats) -> None:
+        peak = np.maximum(*self._peaks[:2])
+        beyond = np.flatnonzero(self.switchable & (flow > peak * (1.0 + INPUT_TOLERANCE)))
+        if len(beyond):
+            k = beyond[0]
+            raise ValueError(
+                f"line {self.names[k]!r} may carry {flow[k]:g} MVA in the data, but its switch was "
+                f"built for {peak[k]:g}"
+            )
+
+    def status(self, situation: Situation) -> Floats:
+        """(lines, nodes) 1 where a line can carry power.
+
+        Raises:
+            ValueError: a line fails that was built as one that cannot.
+        """
         rows = [situation.names.index(name) for name in self.names]
         up = situation.line_up[rows].astype(float)
         sure = ~(self.fallible | self.switchable)
@@ -176,7 +252,7 @@ class Lines:
             raise ValueError(
                 f"line {self.names[down[0]]!r} fails in the data, but was built as one that cannot"
             )
-        return {"line.up": up}
+        return up
 
     def start(self) -> dict[str, Floats]:
         """Status of the switchable lines."""

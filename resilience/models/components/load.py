@@ -29,10 +29,12 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.case.profiles import MAX_PU
 from resilience.case.schema import LoadTable
+from resilience.errors import UsageError
 from resilience.models.components.base import Injection
 from resilience.models.components.fleet import DeviceFleet, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
+from resilience.tolerances import INPUT_TOLERANCE
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,6 @@ class Loads(DeviceFleet):
         """From the peak, negative, to nothing."""
         peak = np.array([t.p_max_mw for t in self.tables], float)
         return -peak, np.zeros_like(peak)
-
-    def capacity(self) -> tuple[Floats, Floats]:
-        """It feeds in nothing, and takes the peak of its apparent power."""
-        demand = np.array([t.p_max_mw / t.power_factor for t in self.tables])
-        return np.zeros_like(demand), demand
 
     def reactive_per_mw(self) -> Floats:
         """From the power factor."""
@@ -87,10 +84,12 @@ class Loads(DeviceFleet):
         stage.cost("load.shed", shed, price * stage.dt)
         blocks = np.flatnonzero(self.is_block())
         if len(blocks):
-            peak = MAX_PU * np.array([self.tables[int(i)].p_max_mw for i in blocks])
+            peak = self._most()[blocks]
             names = [self.names[i] for i in blocks]
             on = stage.binary("load.on", names, about="whether a block is served")
-            served = stage.var("load.served", names, 0.0, peak, about="demand of blocks served")
+            served = stage.var(
+                "load.served", names, 0.0, demand[blocks], about="demand of blocks served"
+            )
             stage.eq("load.block", served + shed[blocks], demand[blocks])
             stage.le("load.block_served", served, on * peak)
             stage.le("load.block_shed", shed[blocks], (1.0 - on) * peak)
@@ -98,11 +97,30 @@ class Loads(DeviceFleet):
         q = p * self.reactive_per_mw() if stage.reactive else None
         return Injection(p, q, self.bus)
 
+    def _most(self) -> Floats:
+        """(loads,) the most that the rows of a block have room for, MW."""
+        return MAX_PU * np.array([t.p_max_mw for t in self.tables])
+
     def data(self, situation: Situation) -> dict[str, Floats]:
-        """Demand, and the part of it in dead islands."""
+        """Demand, and the part of it in dead islands.
+
+        Raises:
+            UsageError: a block asks for more than its rows have room for.
+        """
         demand = np.array([t.p_max_mw * situation.profile(t.profile) for t in self.tables])
         demand = demand.reshape(len(self.tables), situation.n)
+        self._check_blocks(demand.max(1, initial=0.0))
         return {
             "load.demand": demand,
             "load.shed_min": demand * (1.0 - situation.alive_at(self.bus)),
         }
+
+    def _check_blocks(self, peak: Floats) -> None:
+        beyond = np.flatnonzero(self.is_block() & (peak > self._most() * (1.0 + INPUT_TOLERANCE)))
+        if len(beyond):
+            k = int(beyond[0])
+            raise UsageError(
+                f"load {self.names[k]!r}, a block, asks for {peak[k]:g} MW; allowed: up to "
+                f"{self._most()[k]:g}, {MAX_PU:g} times its p_max_mw",
+                hint="lower the errors of the forecast, or raise p_max_mw and scale its profile",
+            )

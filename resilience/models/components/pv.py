@@ -53,9 +53,13 @@ class PV(DeviceFleet):
         return np.zeros_like(p_max), p_max
 
     def capacity(self) -> tuple[Floats, Floats]:
-        """Its output, or the inverter's rating where that is more; it takes reactive power only."""
+        """Reactive power of the inverter either way, beside what the sun gives."""
         rating = np.array([t.s_mva or 0.0 for t in self.tables])
-        return np.maximum(self.power_range()[1], rating), rating
+        return rating, rating
+
+    def apparent_mva(self) -> Floats:
+        """The inverter's rating."""
+        return self.capacity()[0]
 
     def expected(self) -> tuple[tuple[str | None, float], ...]:
         """The sun's profile and the output at its 1."""

@@ -9,6 +9,8 @@ $$ \sum_l z_l + \sum_b \rho_b = \sum_b a_b, \qquad
 \gamma_b + \sum_{l \to b} f_l - \sum_{b \to l} f_l = a_b, \qquad
 |f_l| \le N z_l, \quad 0 \le \gamma_b \le N \rho_b $$
 
+$N$ is 1.1 times the number of buses, which is all that a root ever feeds.
+
 | symbol | name | unit |
 |---|---|---|
 | $z_l$ | `line.closed`, or the status of a line that cannot be switched | 1 |
@@ -28,6 +30,7 @@ from resilience.arrays import Bools, Floats
 from resilience.models.algebra import Labels, scatter
 from resilience.models.components.line import Lines
 from resilience.models.language.stage import Stage
+from resilience.models.network.limits import MARGIN
 from resilience.models.network.situation import Situation
 
 
@@ -48,20 +51,25 @@ class Topology:
     def emit(self, stage: Stage) -> None:
         """Declares roots and the commodity."""
         lines, n = self.lines, len(self.buses)
+        commodity_max = MARGIN * n
         alive = stage.data("topology.alive", self.buses, unit="1", about="has a path to a source")
         count = stage.data("topology.links", ("network",), unit="1", about="links still to choose")
         places = np.flatnonzero(self.forming)
         names = [self.buses[i] for i in places]
         root = stage.binary("topology.root", names, about="fed by the virtual root")
-        feed = stage.var("topology.feed", names, 0.0, n, unit="1", about="commodity fed in")
-        flow_max = stage["line.up"] * float(n)
+        feed = stage.var(
+            "topology.feed", names, 0.0, commodity_max, unit="1", about="commodity fed in"
+        )
+        flow_max = stage["line.up"] * commodity_max
         flow = stage.var(
             "topology.flow", lines.names, -flow_max, flow_max, unit="1", about="commodity"
         )
+        stage.mark_auxiliary("topology.feed")
+        stage.mark_auxiliary("topology.flow", lines.determined)
         closed = stage["line.closed"]
         stage.eq("topology.tree", closed.sum() + root.sum(), count)
-        stage.switch("topology.flow.switch", flow[lines.switched], closed, n)
-        stage.le("topology.feed.root", feed, root * float(n))
+        stage.switch("topology.flow.switch", flow[lines.switched], closed, commodity_max)
+        stage.le("topology.feed.root", feed, root * commodity_max)
         ends = np.arange(len(lines.names))
         incidence = sp.csr_array(
             (
@@ -75,7 +83,7 @@ class Topology:
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Live buses, and how many lines and roots make a spanning tree of them."""
-        up = self.lines.data(situation)["line.up"]
+        up = self.lines.status(situation)
         settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
         links = situation.alive.sum(0) - settled.sum(0)
         return {"topology.alive": situation.alive, "topology.links": links[None, :]}

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels
 from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split, Structure
 
@@ -100,6 +100,8 @@ class Stage:
         lower: per block of variables its lower bound, constant or data.
         upper: likewise its upper bound.
         integer: likewise whether it is integer.
+        auxiliary: by name of a variable, (labels,) which of its bounds are there for solvers alone:
+            no plan of the model reaches them, and the referee looks whether one did.
     """
 
     dt: float
@@ -115,6 +117,7 @@ class Stage:
     lower: list[Affine] = field(default_factory=list)
     upper: list[Affine] = field(default_factory=list)
     integer: list[bool] = field(default_factory=list)
+    auxiliary: dict[str, Bools] = field(default_factory=dict)
     _named: dict[str, Affine] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Affine:
@@ -145,6 +148,11 @@ class Stage:
         self.upper.append(self._data_only(upper, block))
         self.integer.append(integer)
         return self._remember(name, np.arange(block.start, block.start + block.n), labels)
+
+    def mark_auxiliary(self, name: str, chosen: Bools | None = None) -> None:
+        """Says that the bounds of a variable, or of its entries `chosen`, are there for solvers."""
+        block = next(block for block in self.variables if block.name == name)
+        self.auxiliary[name] = np.ones(block.n, bool) if chosen is None else chosen
 
     def binary(
         self, name: str, labels: Sequence[str], upper: Any = 1.0, *, about: str = ""

@@ -1,4 +1,4 @@
-"""The feeder as a graph: which buses act as one, what a line can be asked to carry, cycles."""
+"""The feeder as a graph: which buses act as one, which lines are one line, and cycles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from resilience.arrays import Bools, Floats, Ints
+from resilience.arrays import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Network
@@ -61,7 +61,8 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
 def bundle(network: Network, fallible: Bools) -> Network:
     """Joins parallel lines that are always closed into one with the same terminal behaviour.
 
-    Admittances add up; the rating is reached when the first of them reaches its own.
+    Admittances add up; the rating is reached when the first of them reaches its own. Lines without
+    impedance carry everything, and share it as their ratings allow: no equation says how.
 
     Args:
         network: only lines that can be closed.
@@ -78,13 +79,39 @@ def bundle(network: Network, fallible: Bools) -> Network:
     r, x, rating = network.r_pu.copy(), network.x_pu.copy(), network.rating_mva.copy()
     keep = np.ones(len(r), bool)
     for members in parallel:
-        admittance = 1.0 / (r[members] + 1j * x[members])
-        total = admittance.sum()
-        rating[members[0]] = (rating[members] * abs(total) / abs(admittance)).min()
-        r[members[0]], x[members[0]] = (1.0 / total).real, (1.0 / total).imag
+        first, z = members[0], r[members] + 1j * x[members]
+        joint, rating[first] = _in_parallel(z, rating[members])
+        r[first], x[first] = joint.real, joint.imag
         keep[members[1:]] = False
     joined = replace(network, r_pu=r, x_pu=x, rating_mva=rating)
     return _lines(joined, np.flatnonzero(keep))
+
+
+def bridges(network: Network) -> Bools:
+    """(lines,) lines whose flow the injections determine while it is radial: those that are in no
+    cycle of closed lines that cannot be switched, since what can be switched is kept a tree.
+    """
+    firm = np.flatnonzero(network.in_service & ~network.switchable)
+    graph = nx.MultiGraph()
+    graph.add_nodes_from(range(len(network.bus_names)))
+    for k in firm:
+        graph.add_edge(network.from_bus[k], network.to_bus[k], key=int(k))
+    apart = {frozenset(ends) for ends in nx.bridges(nx.Graph(graph))}
+    single = np.ones(len(network.line_names), bool)
+    for k in firm:
+        ends = int(network.from_bus[k]), int(network.to_bus[k])
+        single[k] = frozenset(ends) in apart and graph.number_of_edges(*ends) == 1
+    return single
+
+
+def _in_parallel(z: Complexes, rating: Floats) -> tuple[complex, float]:
+    """Impedance, pu, and rating, MVA, of lines (n,) side by side."""
+    free = z == 0.0
+    if free.any():
+        return 0j, float(rating[free].sum())
+    admittance = 1.0 / z
+    total = complex(admittance.sum())
+    return 1.0 / total, float((rating * abs(total) / np.abs(admittance)).min())
 
 
 def _lines(network: Network, keep: Ints) -> Network:
@@ -116,54 +143,3 @@ def cycle(network: Network) -> list[str]:
         return [str(edge[2]) for edge in nx.find_cycle(graph)]
     except nx.NetworkXNoCycle:
         return []
-
-
-def exchange(network: Network, supply: Floats, demand: Floats) -> Floats:
-    """(lines,) the most that the two sides of each line can send each other, MVA.
-
-    Args:
-        network: only lines that can be closed.
-        supply: (buses,) what each bus can feed in at most.
-        demand: (buses,) what each bus can take at most.
-    """
-    limit = np.full(len(network.line_names), _widest(supply, demand))
-    graph = nx.Graph()
-    graph.add_nodes_from(range(len(network.bus_names)))
-    graph.add_edges_from(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True))
-    if graph.number_of_edges() < len(limit) or nx.cycle_basis(graph):
-        return limit
-    # In a tree a line parts what hangs below its child from everything above it, per component.
-    below = np.stack([supply, demand], axis=1)
-    above = np.zeros_like(below)
-    order, parent = _rooted(graph)
-    for bus in reversed(order):
-        if parent[bus] >= 0:
-            below[parent[bus]] += below[bus]
-    for component in nx.connected_components(graph):
-        members = np.fromiter(component, int)
-        above[members] = below[members[parent[members] < 0][0]] - below[members]
-    child = np.where(parent[network.to_bus] == network.from_bus, network.to_bus, network.from_bus)
-    into = np.minimum(above[child, 0], below[child, 1])
-    out = np.minimum(below[child, 0], above[child, 1])
-    return np.maximum(into, out)
-
-
-def _widest(supply: Floats, demand: Floats) -> float:
-    """The most that any two groups of buses can send each other, wherever one bus of them is."""
-    total_supply, total_demand = supply.sum(), demand.sum()
-    # The bus stands on the side that sends, or on the one that takes.
-    sending = np.minimum(total_supply, total_demand - demand)
-    taking = np.minimum(total_supply - supply, total_demand)
-    return float(np.maximum(sending, taking).min())
-
-
-def _rooted(graph: nx.Graph) -> tuple[list[int], Ints]:
-    order: list[int] = []
-    parent = np.full(graph.number_of_nodes(), -1)
-    for component in nx.connected_components(graph):
-        root = min(component)
-        order.append(root)
-        for up, down in nx.bfs_edges(graph, root):
-            parent[down] = up
-            order.append(down)
-    return order, parent

@@ -2,11 +2,15 @@
 
 Every violation is scaled: that of a row by 1 + its largest term, of a bound by 1 + the bound, of a
 structure by what it is about. 1e-6 is a good answer; 1e-3 is not an answer.
+
+Bounds that are there for solvers alone (`Stage.auxiliary`) cut nothing off as long as no answer
+comes near them: from `NEAR_LIMIT` of such a bound on, `auxiliary line.p` grows from 0 to 1 at the
+bound. That is asked of answers to the whole model; a relaxation may go to any limit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,8 +18,11 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Largest, Structure, UnrolledStructure
-from resilience.tolerances import INTEGRALITY_TOLERANCE
+from resilience.models.structures import Cone, Largest, Structure, UnrolledStructure
+from resilience.tolerances import INTEGRALITY_TOLERANCE, RELAXATION_TOLERANCE
+
+NEAR_LIMIT = 0.99
+"""Share of an auxiliary limit that no answer should reach: limits are 1.1 times what is proven."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,8 @@ class Audit:
     """Worst scaled violations.
 
     Attributes:
-        worst: per named row, structure, `bounds`, `integrality` and `cut`, the worst violation.
+        worst: per named row, structure, `bounds`, `integrality` and `cut`, the worst violation, and
+            per variable with auxiliary bounds, as `auxiliary line.p`, how near it came to them.
         where: likewise, which element that is, as `ess.dynamics[ess2, 14:30]`.
     """
 
@@ -71,7 +79,36 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     note("integrality", off, lambda k: standard.column_name(int(integers[k])))
     for structure in standard.structures:
         note(structure.name, structure.violation(z), partial(_element_name, standard, structure))
+    if off.max(initial=0.0) <= RELAXATION_TOLERANCE and not _has_open_cones(standard, z):
+        for name, columns in _auxiliary_columns(standard):
+            near = _nearness(z[columns], vectors.lower[columns], vectors.upper[columns])
+            note(f"auxiliary {name}", near, partial(_column_name, standard, columns))
     return Audit(worst, where)
+
+
+def _has_open_cones(standard: Standard, z: Floats) -> bool:
+    cones = standard.structures_of(Cone).values()
+    return any(c.violation(z).max(initial=0.0) > RELAXATION_TOLERANCE for c in cones)
+
+
+def _auxiliary_columns(standard: Standard) -> Iterator[tuple[str, Ints]]:
+    """Variables with auxiliary bounds, and the columns whose bounds are, stage by stage."""
+    for stage in standard.copies:
+        for name, chosen in stage.form.stage.auxiliary.items():
+            columns = stage.form.columns(stage.form.block(name))[chosen]
+            yield name, stage.columns[:, columns].ravel()
+
+
+def _nearness(z: Floats, lower: Floats, upper: Floats) -> Floats:
+    """(n,) 0 up to `NEAR_LIMIT` of a bound and 1 at it; a bound of 0 holds what cannot act."""
+    limit = np.maximum(np.where(z < 0.0, -lower, upper), 0.0)
+    excess = np.abs(z) - NEAR_LIMIT * limit - RELAXATION_TOLERANCE
+    acts = (limit > 0.0) & np.isfinite(limit) & (excess > 0.0)
+    return np.where(acts, excess / np.where(acts, (1.0 - NEAR_LIMIT) * limit, 1.0), 0.0)
+
+
+def _column_name(standard: Standard, columns: Ints, k: int) -> str:
+    return standard.column_name(int(columns[k]))
 
 
 def _element_name(standard: Standard, structure: UnrolledStructure[Structure], k: int) -> str:
