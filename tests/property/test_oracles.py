@@ -1,0 +1,74 @@
+"""Bounds and objectives against independent oracles, over the range that a case may state.
+
+`RESILIENCE_RANDOM_CASES=500` asks for that many cases of each kind, for maintainers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+
+import numpy as np
+import pytest
+
+from resilience.errors import InfeasibleError
+from resilience.models.microgrid import Physics
+from resilience.testing import small_case
+from tests.known.solving import solved
+from tests.property.oracles import Document, Scene, ac_point, linear_optimum, random_document
+
+MORE = int(os.environ.get("RESILIENCE_RANDOM_CASES", "60"))
+SCALES_MW = (0.15, 1.0, 18.0)
+GAP = 1e-5
+
+
+def seeds(few: int) -> Iterable[object]:
+    """A few in every run, the others with the slow tests."""
+    slow = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(few, MORE)]
+    return [*range(few), *slow]
+
+
+def drawn(seed: int, *, ac: bool) -> tuple[Document, float]:
+    """A document and the size of its powers."""
+    rng = np.random.default_rng([seed, int(ac)])
+    scale = SCALES_MW[seed % len(SCALES_MW)]
+    return random_document(rng, ac=ac, scale=scale), scale
+
+
+@pytest.mark.parametrize("physics", ["copperplate", "lindistflow"])
+@pytest.mark.parametrize("seed", seeds(24))
+def test_a_linear_plan_and_its_bound_are_the_oracles_optimum(seed: int, physics: Physics) -> None:
+    document, scale = drawn(seed, ac=False)
+    voltages = physics == "lindistflow"
+    if voltages:
+        # A rating is a disc there, of which a linear oracle knows nothing.
+        tables = [{**table, "rating_mva": np.inf} for table in document["line_tables"]]
+        document = {**document, "line_tables": tables}
+        for table in tables:
+            del table["rating_mva"]
+    optimum = linear_optimum(document, voltages=voltages, scale=scale)
+    case, dust = small_case(**document), 1e-6 * Scene.of(document).turnover
+    method = ("lp", "milp")[seed // 2 % 2]
+    if optimum == np.inf:
+        with pytest.raises(InfeasibleError):
+            solved(case, method, physics, gap=GAP)
+        return
+    found = solved(case, method, physics, gap=GAP)
+    assert found.bound <= optimum + dust
+    assert found.answer.status == "optimal"
+    assert found.objective == pytest.approx(optimum, rel=2 * GAP, abs=dust)
+    assert max(found.near_limits.values(), default=0.0) == 0.0
+
+
+@pytest.mark.parametrize("seed", seeds(9))
+def test_no_bound_is_above_an_ac_plan(seed: int) -> None:
+    document, scale = drawn(seed, ac=True)
+    reached = ac_point(document, scale=scale)
+    case, dust = small_case(**document), 2e-6 * Scene.of(document).turnover
+    if reached == np.inf:
+        pytest.skip("Ipopt found no AC plan")
+    found = solved(case, "minlp", gap=1e-4)
+    assert found.bound <= reached + dust
+    if found.answer.status == "optimal":
+        assert found.objective <= reached + 2e-4 * abs(reached) + dust
+    assert max(found.near_limits.values(), default=0.0) == 0.0
