@@ -218,7 +218,9 @@ class _Linear:
         return float(found.fun) + self.offset if found.x is not None else np.inf
 
 
-def linear_optimum(document: Document, *, voltages: bool, scale: float) -> float:
+def linear_optimum(  # noqa: C901, PLR0912 a list of devices, one after the other
+    document: Document, *, voltages: bool, scale: float
+) -> float:
     """$ of the best plan at LinDistFlow, or at copperplate without `voltages`; inf for none.
 
     Powers are in units of `scale` MW.
