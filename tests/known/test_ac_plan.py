@@ -113,7 +113,9 @@ def test_an_island_short_of_power_closes_its_cones_by_itself() -> None:
 
 
 def test_must_take_surplus_is_polished_and_its_gap_reported() -> None:
-    """The relaxation burns the surplus in the wires; the AC plan has to export it, and pays."""
+    """The relaxation burns surplus in the wires, as much as their currents may be; the AC plan has
+    to export it, and pays.
+    """
     case = small_case(
         slots=2,
         buses=3,
@@ -126,7 +128,7 @@ def test_must_take_surplus_is_polished_and_its_gap_reported() -> None:
     found = solved(case, "minlp")
     assert not found.answer.relaxed
     assert found.answer.status == "feasible"
-    assert found.bound < 0.9 * found.objective
+    assert found.bound < 0.95 * found.objective
     compare(found, range(2))
     assert any("cones open" in text for text in solved(case, "socp").answer.relaxed)
 
