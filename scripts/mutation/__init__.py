@@ -1,0 +1,1 @@
+"""A mutation run: small faults put into the package one at a time, and whether a test notices."""
