@@ -188,3 +188,98 @@ def test_a_transformer_without_data_is_refused(switched):
     path.write_text(path.read_text().replace("vk_percent", "uk_percent"))
     with pytest.raises(FeederError, match="vk_percent"):
         read(path)
+
+
+def odd_net(pp):
+    """A net in which no factor of a branch is 1 and no two branches are equal."""
+    net = pp.create_empty_network(sn_mva=2.0)
+    hv, a, b, c, d = (
+        pp.create_bus(net, vn, name=n)
+        for n, vn in (("hv", 110), ("a", 20), ("b", 20), ("c", 20), ("d", 20))
+    )
+    pp.create_ext_grid(net, hv, vm_pu=1.03, max_p_mw=7.0)
+    pp.create_transformer_from_parameters(
+        net, hv, a, sn_mva=16.0, vn_hv_kv=110.0, vn_lv_kv=21.0, vkr_percent=0.7, vk_percent=11.0,
+        pfe_kw=0.0, i0_percent=0.0, parallel=2, df=0.9, max_loading_percent=80.0,
+    )  # fmt: skip
+    for start, stop, length_km, parallel, df, loading in (
+        (a, b, 1.7, 3, 0.8, 90.0),
+        (b, c, 2.3, 2, 0.7, 70.0),
+    ):
+        pp.create_line_from_parameters(
+            net, start, stop, length_km, r_ohm_per_km=0.31, x_ohm_per_km=0.13, c_nf_per_km=0.0,
+            max_i_ka=0.25, parallel=parallel, df=df, max_loading_percent=loading,
+        )  # fmt: skip
+    pp.create_impedance(net, c, d, rft_pu=0.03, xft_pu=0.05, sn_mva=4.0)
+    pp.create_asymmetric_load(
+        net, d, p_a_mw=0.2, p_b_mw=0.3, p_c_mw=0.5, q_a_mvar=0.05, q_b_mvar=0.07, q_c_mvar=0.11,
+        scaling=1.5,
+    )  # fmt: skip
+    pp.create_sgen(net, c, p_mw=0.6, q_mvar=0.13, scaling=0.5)
+    pp.create_gen(net, b, p_mw=0.4, max_p_mw=0.9, vm_pu=1.02)
+    return net
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    pp, net = pandapower_net(odd_net)
+    path = tmp_path_factory.mktemp("odd") / "odd.json"
+    pp.to_json(net, str(path))
+    return read(path), net, pp
+
+
+def test_parallel_branches_and_their_own_bases_have_the_impedances_of_the_power_flow(odd):
+    feeder, net, pp = odd
+    network = feeder.network
+    ours = np.column_stack([network.r_pu, network.x_pu])
+    assert network.line_names == ("a-b", "b-c", "hv-a", "c-d")
+    np.testing.assert_allclose(ours[:3], solved_branches(net, pp), rtol=1e-9)
+    np.testing.assert_allclose(ours[3], [0.03 / 4.0, 0.05 / 4.0])
+
+
+def test_a_rating_is_that_of_all_circuits_derated_and_loaded_as_far_as_allowed(odd):
+    network = odd[0].network
+    np.testing.assert_allclose(
+        network.rating_mva,
+        [
+            np.sqrt(3) * 20 * 0.25 * 3 * 0.8 * 0.9,
+            np.sqrt(3) * 20 * 0.25 * 2 * 0.7 * 0.7,
+            16.0 * 2 * 0.9 * 0.8,
+            np.inf,
+        ],
+    )
+
+
+def test_powers_of_devices_are_scaled_and_phases_are_added(odd):
+    feeder = odd[0]
+    load, static = feeder.load[0], feeder.static[0]
+    assert (load.bus, load.p_mw, load.q_mvar) == ("d", pytest.approx(1.5), pytest.approx(0.345))
+    assert (static.bus, static.p_mw, static.q_mvar) == ("c", 0.3, 0.065)
+    assert [(g.bus, g.p_mw, g.v_pu) for g in feeder.generator] == [("b", 0.9, 1.02)]
+    assert [(g.bus, g.p_mw, g.v_pu) for g in feeder.grid] == [("hv", 7.0, 1.03)]
+
+
+def test_a_closed_switch_with_a_resistance_is_a_branch(tmp_path):
+    def net_with_a_switch(pp):
+        net = pp.create_empty_network()
+        a, b = (pp.create_bus(net, 11.0, name=name) for name in "ab")
+        pp.create_ext_grid(net, a)
+        pp.create_switch(net, a, b, et="b", closed=True, z_ohm=0.6)
+        return net
+
+    pp, net = pandapower_net(net_with_a_switch)
+    pp.to_json(net, str(tmp_path / "switch.json"))
+    network = read(tmp_path / "switch.json").network
+    assert network.bus_names == ("a", "b")
+    np.testing.assert_allclose([network.r_pu, network.x_pu], [[0.6 / 121.0], [0.0]])
+
+
+def test_inline_lines_are_on_the_voltage_of_their_first_bus():
+    table = NetworkTable.model_validate(
+        {
+            "bus": [{"name": "1", "vn_kv": 11.0}, {"name": "2", "vn_kv": 11.0}],
+            "line": [{"from": "1", "to": "2", "r_ohm": 0.7, "x_ohm": 0.3, "rating_mva": 4.0}],
+        }
+    )
+    network = read_feeder(table).network
+    np.testing.assert_allclose([network.r_pu, network.x_pu], [[0.7 / 121.0], [0.3 / 121.0]])
