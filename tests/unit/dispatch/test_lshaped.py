@@ -10,6 +10,7 @@ import pytest
 from resilience.errors import InfeasibleError, SolverError
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
+from resilience.models.backends.plain import Plain
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.risk import Risk
@@ -191,3 +192,36 @@ def test_a_scenario_without_recourse_is_named(solve: object) -> None:
     broken = TwoStage(two.stages, two.tree, two.trunk, data, two.x0, two.cuts)
     with pytest.raises(InfeasibleError, match="in scenario 3"):
         solve(broken, TIGHT)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("apart", [True, False])
+@pytest.mark.parametrize(
+    ("end_cost", "discount"), [(1000.0, 0.3), (2.0, 60.0)], ids=["dear end", "paid to fill"]
+)
+def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
+    monkeypatch: pytest.MonkeyPatch, end_cost: float, discount: float, apart: bool
+) -> None:
+    # What is spent at the least is far from nothing: above it, or below where filling is paid for.
+    two = program(6, Risk(0.6, 0.4), apart=apart)
+    data = {**two.data, "price": two.data["price"] - discount}
+    cut = Cut(end_cost, {"store": np.array([-0.7, -0.4])})
+    two = TwoStage(two.stages, two.tree, two.trunk, data, two.x0, [cut], two.risk)
+    boxes, points = [], []
+    bound, solve = Plain.bound, Plain.solve
+
+    def noted_bound(plain, multipliers, low, high):
+        boxes.append((low, high))
+        return bound(plain, multipliers, low, high)
+
+    def noted_solve(plain):
+        solution = solve(plain)
+        points.append(None if solution is None else solution[0])
+        return solution
+
+    monkeypatch.setattr(Plain, "bound", noted_bound)
+    monkeypatch.setattr(Plain, "solve", noted_solve)
+    found = lshaped(two, TIGHT)
+    assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
+    (low, high), point = boxes[-1], points[-1]
+    assert (low <= point + 1e-6).all()
+    assert (point <= high + 1e-6).all()
