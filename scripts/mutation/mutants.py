@@ -51,6 +51,8 @@ PAIRS = [
 ]
 TWINS = {"sum": "max", **dict(PAIRS), **{second: first for first, second in PAIRS}}
 """Functions, and what is called in their place."""
+ASSERTED = {"strict", "encoding"}
+"""Arguments that hold what is so anyway, here and on a machine set up otherwise."""
 CUTS = {"min", "max", "minimum", "maximum", "fmin", "fmax", "clip", "abs"}
 """Functions that often return one of their arguments."""
 TEXT = {"annotation", "returns", "decorator_list", "type_params", "format_spec"}
@@ -188,7 +190,9 @@ class Signatures:
             return
         for keyword in node.keywords:
             known = _name(node) in self.names
-            if keyword.arg and (not known or keyword.arg in self.optional[_name(node)]):
+            if keyword.arg is None or keyword.arg in ASSERTED:
+                continue
+            if not known or keyword.arg in self.optional[_name(node)]:
                 others = [other for other in node.keywords if other is not keyword]
                 yield ast.Call(node.func, node.args, others)
 

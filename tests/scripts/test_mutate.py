@@ -80,7 +80,8 @@ def test_a_guard_is_never_entered(tmp_path: Path) -> None:
 
 
 def test_an_argument_is_left_out_where_the_function_can_do_without(tmp_path: Path) -> None:
-    source = "def f(a, b=2, *, c, d=3): ...\nf(a=5, b=6, c=7, d=8)\nnp.sum(x, axis=3)\n"
+    source = "def f(a, b=2, *, c, d=3): ...\nf(a=5, b=6, c=7, d=8)\n"
+    source += "np.sum(x, axis=3)\nzip(x, strict=True)\n"
     made = {one.faulty for one in faults(tmp_path, source, "aimed")}
     calls = {"f(a=5, c=7, d=8)", "f(a=5, b=6, c=7)", "np.sum(x)"}
     assert made - {"pass"} == calls

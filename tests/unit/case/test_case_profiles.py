@@ -75,6 +75,12 @@ def test_a_horizon_beyond_the_file_is_refused(case_file):
     assert problem.allowed == "at least slots = 80"
 
 
+def test_a_horizon_that_begins_between_two_rows_is_refused(case_file):
+    problem = problem_of(case_file, csv_text(), ("2016-07-12T06:00", "2016-07-12T06:07"))
+    assert problem.value == "rows from 2016-07-12 00:00:00 to 2016-07-12 23:45:00"
+    assert problem.allowed == "a row at 2016-07-12 06:07:00"
+
+
 def test_a_horizon_before_the_file_is_refused(case_file):
     problem = problem_of(case_file, csv_text(), ("2016-07-12T06", "2016-07-11T06"))
     assert problem.value == "rows from 2016-07-12 00:00:00 to 2016-07-12 23:45:00"
