@@ -121,6 +121,16 @@ def test_who_saw_the_outages_knows_the_queue(crews: int, ranked: bool, until: in
         assert (rest.down[:, :, 0] == whole.down[:, until:, k]).all()
 
 
+def test_no_crew_is_at_a_line_that_is_back() -> None:
+    # One crew: at line 0 from slot 2, then at line 2 from slot 6, while line 1 waits until slot 9.
+    down = np.zeros((3, 12), bool)
+    down[0, 2:6] = down[1, 4:] = down[2, 3:9] = True
+    rank = np.array([5, 7, 6])
+    since = crew_since(down, np.ones_like(down), 1, rank)
+    assert since.tolist() == [-1, 9, -1]
+    assert crew_since(down[:, :8], np.ones((3, 8), bool), 1, rank).tolist() == [-1, -1, 6]
+
+
 def test_one_crew_goes_to_the_hospital_first() -> None:
     first = np.array([[0], [0], [1]])
     found = repair_outcome(
