@@ -109,7 +109,7 @@ class Worker:
     """One copy of the tree, in which one trial runs at a time."""
 
     def __init__(self, root: Path, folder: Path) -> None:
-        self.root, self.folder = root, copied(root, folder)
+        self.folder = copied(root, folder)
         self.log = folder.with_suffix(".log")
         self.written = 0
 
@@ -117,7 +117,8 @@ class Worker:
         self.trial = trial
         if trial.mutant is not None:
             path = self.folder / trial.mutant.file
-            path.write_bytes(trial.mutant.applied(path.read_bytes()))
+            self.module = path.read_bytes()
+            path.write_bytes(trial.mutant.applied(self.module))
             self.written += 1  # a time of its own, so that no compiled file of another is taken
             os.utime(path, (self.written, self.written))
         self.begin = time.monotonic()
@@ -135,8 +136,7 @@ class Worker:
         if status == "survived" and self.process.exitcode != 0:
             status = "killed"
         if self.trial.mutant is not None:
-            file = self.trial.mutant.file
-            shutil.copy2(self.root / file, self.folder / file)
+            (self.folder / self.trial.mutant.file).write_bytes(self.module)
         log = self.log.read_text(encoding="utf-8", errors="replace").strip()
         lines = log.splitlines()[-8:]
         return Outcome(self.trial, status, time.monotonic() - self.begin, "\n".join(lines))

@@ -67,6 +67,15 @@ def test_every_cut_is_a_bound_everywhere(
         assert (root.constants(levels) + root.beta @ energy).max() <= optimum + 1e-7
 
 
+def test_the_end_is_worth_the_same_in_every_mode(trained: tuple[Multistage, Trained]) -> None:
+    problem, _ = trained
+    last = Engine(problem).slots[-1].cuts
+    assert len(last) == len(problem.outcomes[-1]) > 1
+    state, levels = np.array([0.7, 0.3])[: problem.terminal.beta.shape[1]], np.array([0.6])
+    worth = [cuts.value(state, levels) for cuts in last]
+    assert worth == [problem.terminal.value(state, levels)] * len(last)
+
+
 def test_simulated_costs_lie_around_the_bound(trained: tuple[Multistage, Trained]) -> None:
     problem, found = trained
     begin = STARTS[1]

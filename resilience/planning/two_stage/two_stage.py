@@ -72,7 +72,7 @@ class TwoStage:
 
     def __post_init__(self) -> None:
         parent, m = self.tree.parent, self.trunk
-        children = np.bincount(parent[m:][parent[m:] >= m] - m, minlength=self.tree.n - m)
+        children = np.bincount(parent[m:][parent[m:] >= m] - m)
         if m < 1 or (parent[:m] != np.arange(m) - 1).any() or (children > 1).any():
             raise ValueError(
                 f"nodes 0 to {m - 1} must be a chain, and every node behind it have one child"

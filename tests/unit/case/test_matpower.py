@@ -71,6 +71,11 @@ def test_a_power_factor_at_the_end_makes_kva_into_kw_and_kvar(tmp_path):
     assert load.q_mvar == pytest.approx(0.06)
 
 
+def test_a_factor_may_be_negative_and_a_power(tmp_path):
+    text = OHMS + "k = -2;\nmpc.bus(:, QD) = mpc.bus(:, QD) * -1.5 / k^2;\n"
+    assert read(tmp_path, text).load[0].q_mvar == pytest.approx(0.06 * -1.5 / 4.0)
+
+
 def test_without_conversions_values_are_pu_on_the_base_of_the_file(tmp_path):
     feeder = read(tmp_path, OHMS.split("[PQ", 1)[0])
     np.testing.assert_allclose(feeder.network.r_pu, [0.00922, 0.0493, 0.2])

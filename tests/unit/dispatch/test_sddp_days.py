@@ -35,6 +35,14 @@ def test_a_mixture_is_recognised_whole_and_in_part() -> None:
     np.testing.assert_allclose(climate.fitted(mixed[:, late], late), [0.3, 0.5, 0.7], atol=1e-9)
 
 
+def test_without_loads_the_sun_alone_is_a_level() -> None:
+    days = week()
+    sun = Days(days.names[1:], days.size[1:], days.values[:, 1:], days.off)
+    climate = fitted_climate(sun, 2)
+    assert climate.basis.shape == (1, 1, SLOTS)
+    np.testing.assert_allclose(climate.levels[:, 0], [0.2, 1.5, 1.0, 1.3, 1.0, 0.9, 1.1])
+
+
 def test_noise_keeps_the_mean_of_every_slot() -> None:
     days = week()
     rough = days.values * np.random.default_rng(0).uniform(0.8, 1.2, days.values.shape)
