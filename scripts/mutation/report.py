@@ -92,9 +92,7 @@ def equivalents(path: Path = EQUIVALENT) -> dict[str, str]:
     """The reasons of the mutants that change nothing, by key."""
     entries = tomllib.loads(path.read_text(encoding="utf-8")).get("mutant", [])
     return {
-        f"{entry['file']}: {entry['source']}: {entry['before']} -> {entry['after']}": entry[
-            "reason"
-        ]
+        f"{entry['file']}: {entry['source']} -> {entry['faulty']}": entry["reason"]
         for entry in entries
     }
 

@@ -283,3 +283,21 @@ def test_inline_lines_are_on_the_voltage_of_their_first_bus():
     )
     network = read_feeder(table).network
     np.testing.assert_allclose([network.r_pu, network.x_pu], [[0.7 / 121.0], [0.3 / 121.0]])
+
+
+@pytest.mark.parametrize("end", ["from", "to"])
+def test_a_branch_to_a_bus_out_of_service_is_none(tmp_path, end):
+    def net_with_a_dead_bus(pp):
+        net = pp.create_empty_network()
+        a, b, dead = (pp.create_bus(net, 20.0, name=name) for name in ("a", "b", "dead"))
+        net.bus.loc[dead, "in_service"] = False
+        pp.create_ext_grid(net, a)
+        ends = (dead, b) if end == "from" else (b, dead)
+        for start, stop in ((a, b), ends):
+            pp.create_line(net, start, stop, 2.5, "NA2XS2Y 1x240 RM/25 12/20 kV")
+        return net
+
+    pp, net = pandapower_net(net_with_a_dead_bus)
+    pp.to_json(net, str(tmp_path / "dead.json"))
+    network = read(tmp_path / "dead.json").network
+    assert (network.bus_names, network.line_names) == (("a", "b"), ("a-b",))
