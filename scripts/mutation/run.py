@@ -91,11 +91,11 @@ def run(
     with tempfile.TemporaryDirectory(prefix="mutate-") as folder:
         queue = trials(executed, selection, budget)
         for outcome in outcomes(ROOT, queue, workers, Path(folder)):
-            mutant = outcome.trial.mutant
-            if mutant is not None:
-                file.write(Verdict.of_outcome(mutant, outcome).line_of_json())
+            fault = outcome.trial.mutant
+            if fault is not None:
+                file.write(Verdict.of_outcome(fault, outcome).line_of_json())
                 file.flush()
-                print(f"{outcome.status:9} {mutant.file}:{mutant.line}", flush=True)
+                print(f"{outcome.status:9} {fault.file}:{fault.line}", flush=True)
             elif outcome.status != "survived":
                 raise SystemExit(f"a control without a fault failed:\n{outcome.log}")
 
