@@ -241,15 +241,16 @@ def read_profiles(
             arrays[name] = np.array(values[: window.slots], dtype=np.float64)
     for name, array in arrays.items():
         array.setflags(write=False)
-        findings.extend(_wrong_values(name, array, window, is_price=uses.get(name, False)))
+        is_power = not uses.get(name, True)
+        findings.extend(_wrong_values(name, array, window, is_power=is_power))
     return arrays, names, findings
 
 
 def _wrong_values(
-    name: str, values: Floats, window: Window, *, is_price: bool
+    name: str, values: Floats, window: Window, *, is_power: bool
 ) -> Iterator[Finding]:
     checks = [(~np.isfinite(values), "NaN or infinite", "finite numbers", "fill the gaps")]
-    if not is_price:
+    if is_power:
         hint = "consumption and production are both positive here"
         checks.append((values < 0, "negative", "0 or more", hint))
         hint = "divide the column by its peak, and put the peak into p_max_mw"

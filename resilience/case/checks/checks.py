@@ -6,6 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from resilience.case.checks.grids import check_grids
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules, check_units
 from resilience.case.document import entry_name
@@ -26,6 +27,7 @@ def check_parts(parts: Parts) -> None:
         _check_lines(parts, parts.network)
         _check_buses(parts, parts.network)
         _check_voltages(parts, parts.network)
+        check_grids(parts, parts.network)
         check_units(parts, parts.network)
         if parts.inline.complete:
             _check_connected(parts, parts.network)

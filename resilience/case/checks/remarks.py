@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from resilience.case.data import Case
-from resilience.case.schema import DeviceTable, GridTable, LoadTable
+from resilience.case.schema import DeviceTable, ESSTable, GridTable, LoadTable
 
 _REACTIVE_KEYS = ("s_mva", "q_max_mvar")
 """Keys by which a device has reactive power, of an inverter and of a machine."""
@@ -11,7 +11,20 @@ _REACTIVE_KEYS = ("s_mva", "q_max_mvar")
 
 def remarks(case: Case) -> list[str]:
     """Sentences about a valid case that its author should read; none where there is nothing odd."""
-    return [*_without_reactive_power(case)]
+    return [*_without_reactive_power(case), *_without_end_value(case)]
+
+
+def _without_end_value(case: Case) -> list[str]:
+    """A remark on storage whose energy is worth nothing behind the horizon."""
+    units = [u for u in case.tables_of(ESSTable) if u.soc_final_min is None]
+    if "terminal_value_per_mwh" in case.source or not units:
+        return []
+    names = ", ".join(f"[[ess]] {unit.name}" for unit in units)
+    return [
+        f"{names}: stored energy is worth nothing at the end, so a plan ends with empty storage "
+        "wherever that saves anything\n"
+        "hint: give terminal_value_per_mwh, 0 if that is meant, or soc_final_min"
+    ]
 
 
 def _without_reactive_power(case: Case) -> list[str]:

@@ -88,6 +88,13 @@ RULES = (
     ),
     KeyRule(
         "ess",
+        ("soc_final_min", "soc_max"),
+        lambda unit: unit.soc_final_min > unit.soc_max + INPUT_TOLERANCE,
+        "at most soc_max = {soc_max:g}",
+        "lower soc_final_min",
+    ),
+    KeyRule(
+        "ess",
         ("e_mwh", "p_max_mw"),
         _strange_duration,
         f"{_MIN_HOURS:g} h to {_MAX_HOURS:g} h at p_max_mw = {{p_max_mw:g}}",

@@ -44,6 +44,7 @@ class Network:
         switchable: (lines,) whether it can be opened and closed.
         switching_cost: (lines,) $ per action.
         breakpoint: (lines,) whether it can fail.
+        parallel_grids: whether several grid connections may feed one tree of closed lines.
         aliases: names of buses that a closed switch fuses to the one that stands for them.
     """
 
@@ -61,6 +62,7 @@ class Network:
     switchable: Bools
     switching_cost: Floats
     breakpoint: Bools
+    parallel_grids: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)
     _line_index: dict[str, int] = field(init=False, repr=False)

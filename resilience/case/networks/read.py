@@ -109,4 +109,5 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         switching_cost=cost,
         breakpoint=breakpoint_,
         rating_mva=rating,
+        parallel_grids=table.parallel_grids,
     )

@@ -103,6 +103,11 @@ class ESSTable(DeviceTable):
     soc_min: Share = Field(0.0, description="lowest state of charge, share of e_mwh")
     soc_max: Share = Field(1.0, description="highest state of charge, share of e_mwh")
     soc_initial: Share = Field(0.5, description="state of charge at the start, share of e_mwh")
+    soc_final_min: Share | None = Field(
+        None,
+        description="lowest state of charge at the end of the horizon, share of e_mwh; absent: "
+        "none but soc_min",
+    )
     efficiency_charge: Efficiency = Field(1.0, description="energy stored per energy taken")
     efficiency_discharge: Efficiency = Field(1.0, description="energy delivered per energy drawn")
     degradation_cost_per_mwh: NonNegative = Field(0.0, description="per MWh discharged")
@@ -174,7 +179,8 @@ class GridTable(DeviceTable):
         "are, -1 earns it; replaces export_cost_per_mwh",
     )
     price_profile: str | None = Field(
-        None, description="profile column that multiplies all prices, the tariff too"
+        None,
+        description="profile column that multiplies all prices, the tariff too; may be negative",
     )
     q_max_mvar: NonNegative = Field(
         default_factory=lambda data: data.get("import_max_mw", 0.0),

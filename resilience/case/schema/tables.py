@@ -55,6 +55,11 @@ class NetworkTable(Table):
     impedance_scale: Positive = Field(1.0, description="multiplies every r and x")
     v_min_pu: Positive = Field(0.9, description="lower voltage limit of all buses, pu")
     v_max_pu: Positive = Field(1.1, description="upper voltage limit of all buses, pu")
+    parallel_grids: bool = Field(
+        False,
+        description="true: several [[grid]] may feed one tree of closed lines; false: each tree "
+        "hangs on one bus with a [[grid]] at most",
+    )
 
 
 class LineTable(Table):
