@@ -71,6 +71,11 @@ def status(case: Case) -> Bools:
     return up
 
 
+def line_up_before(line_up: Bools, tree: Tree) -> Bools:
+    """(lines, nodes) status of lines one slot before every node of a tree; all up at the start."""
+    return np.where(tree.parent >= 0, line_up[:, tree.parent], True)
+
+
 def terminal_cuts(microgrid: Microgrid, value_per_mwh: float | None = None) -> list[Cut]:
     """The worth of energy in storage at the end, as a cut on the cost behind the horizon.
 
@@ -106,7 +111,9 @@ def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
     microgrid = Microgrid.build(case, physics)
     labels = [case.slot_label(t) for t in range(case.slots)]
     standard = unroll([microgrid.stage(case.step_h)], Tree.chain(labels), terminal_cuts(microgrid))
-    situation = microgrid.situation(status(case))
+    up = status(case)
+    is_last = np.arange(case.slots) == case.slots - 1
+    situation = microgrid.situation(up, before=line_up_before(up, standard.tree), is_last=is_last)
     return CaseProgram(microgrid, standard, situation, microgrid.data(situation), microgrid.start())
 
 

@@ -18,13 +18,15 @@ from resilience.models.components import (
     Buses,
     Component,
     DeviceFleet,
+    Energised,
     Lines,
     Topology,
     bus_capacity,
     device_fleets,
+    forming_with_energy,
 )
 from resilience.models.language.stage import Stage
-from resilience.models.network.graph import bridges, bundle, closable, cycle, merge
+from resilience.models.network.graph import bridges, bundle, closable, cycle, joined, merge
 from resilience.models.network.limits import FlowLimits, current_limits, lossless_limits
 from resilience.models.network.situation import Islands, Situation
 
@@ -109,13 +111,32 @@ class Microgrid:
         return Islands(np.stack([self.network.from_bus, self.network.to_bus]), self.forming)
 
     @cached_property
+    def energised(self) -> Energised | None:
+        """What makes islands alive where that is decided; None where data alone tell."""
+        cell = joined(self.network, ~self.fallible & ~self.network.switchable)
+        names = tuple(self.network.bus_names[k] for k in np.unique(cell, return_index=True)[1])
+        sure = np.zeros(len(names), bool)
+        for fleet in self.fleets.values():
+            sure[cell[fleet.bus[fleet.forms_surely()]]] = True
+        lines = next((part for part in self._wires if isinstance(part, Lines)), None)
+        energised = Energised(names, cell, sure, tuple(self.fleets.values()), lines)
+        return energised if energised.is_decided else None
+
+    def forming_with(self, energy: Floats) -> Bools:
+        """(buses, nodes) `forming`, of storage only with energy to give: `energy` (units, nodes)."""
+        return forming_with_energy(self.fleets.values(), len(self.forming), energy)
+
+    @cached_property
     def components(self) -> tuple[Component, ...]:
         """Everything that emits into the stage, voltages and switches included."""
-        wires = self._wires() if len(self.network.bus_names) > 1 else []
-        return (*self.fleets.values(), *wires)
+        first = () if self.energised is None else (self.energised,)
+        return (*first, *self.fleets.values(), *self._wires)
 
+    @cached_property
     def _wires(self) -> list[Component]:
         network = self.network
+        if len(network.bus_names) == 1:
+            return []
         buses = None if self.physics == "copperplate" else self._buses()
         lines = Lines(
             names=network.line_names,
@@ -167,10 +188,27 @@ class Microgrid:
         sent = buses.v_max_pu[self.network.from_bus, None] * current
         return FlowLimits(names, peak, sent, sent, current)
 
-    def stage(self, dt: float) -> Stage:
-        """One step of `dt` hours: all components, and `balance` of power at every bus."""
+    def stage(self, dt: float, *, energy_known: bool = False) -> Stage:
+        """One step: all components, and `balance` of power at every bus.
+
+        Args:
+            dt: its length, h.
+            energy_known: what is stored at the start is known before its data are made, see
+                `situation`, so that data tell which islands are alive.
+        """
         stage = Stage(dt, reactive=self.physics != "copperplate")
-        fed = [power for c in self.components if (power := c.emit(stage)) is not None]
+        energised = None if energy_known else self.energised
+        fed = []
+        for component in self.components:
+            if isinstance(component, Energised) and energised is None:
+                continue
+            power = component.emit(stage)
+            if power is not None:
+                fed.append(power)
+                if energised is not None and isinstance(component, DeviceFleet):
+                    energised.limit(stage, component, power)
+        if energised is not None:
+            energised.connect(stage)
         stage.eq("balance.p", self._at_buses([(i.p, i.bus) for i in fed]))
         if stage.reactive:
             reactive = [(i.q, i.bus) for i in fed if i.q is not None]
@@ -187,13 +225,23 @@ class Microgrid:
         return stack([power for power, _ in injections]).mapped(place, self.network.bus_names)
 
     def situation(
-        self, line_up: Bools, profile: Callable[[str | None], Floats] | None = None
+        self,
+        line_up: Bools,
+        profile: Callable[[str | None], Floats] | None = None,
+        *,
+        before: Bools | None = None,
+        is_last: Bools | None = None,
+        energy: Floats | None = None,
     ) -> Situation:
         """The world at every node.
 
         Args:
             line_up: (lines of the case's network, nodes) False where a line has failed.
             profile: per-unit values over the nodes; the case's own if omitted.
+            before: `line_up` one slot before; outages begin in no slot if omitted.
+            is_last: (nodes,) where the horizon ends; nowhere if omitted.
+            energy: (units, nodes) MWh stored at the start, where it is known: a storage without
+                energy to give forms nothing then.
         """
         network = self.network
         return Situation(
@@ -204,6 +252,9 @@ class Microgrid:
             forming=self.forming,
             n=line_up.shape[1],
             islands=self.islands,
+            forming_now=None if energy is None else self.forming_with(energy),
+            line_up_before=None if before is None else before[self.lines_of],
+            is_last=is_last,
         )
 
     def data(self, situation: Situation) -> dict[str, Floats]:

@@ -18,7 +18,7 @@ from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
-from resilience.models.case_program import CaseProgram, terminal_cuts
+from resilience.models.case_program import CaseProgram, line_up_before, terminal_cuts
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
@@ -120,7 +120,12 @@ class ScenarioProgram:
 
     def program_of(self, scenario: int, full: Standard) -> CaseProgram:
         """The whole horizon of one of the distinct scenarios, with its data."""
-        situation = self.microgrid.situation(self.distinct.line_up[:, :, scenario])
+        up = self.distinct.line_up[:, :, scenario]
+        situation = self.microgrid.situation(
+            up,
+            before=line_up_before(up, full.tree),
+            is_last=np.arange(self.slots) == self.slots - 1,
+        )
         return CaseProgram(
             self.microgrid, full, situation, self.microgrid.data(situation), dict(self.two_stage.x0)
         )
@@ -174,7 +179,12 @@ def scenario_program(
     for k in np.flatnonzero(~stays):
         nodes = slice(*_span(leaves, stays, trunk, case.slots, int(k)))
         line_up[:, nodes] = distinct.line_up[:, leaves[k] :, k]
-    situation = microgrid.situation(line_up, lambda name: case.profile(name)[slot])
+    situation = microgrid.situation(
+        line_up,
+        lambda name: case.profile(name)[slot],
+        before=line_up_before(line_up, tree),
+        is_last=slot == case.slots - 1,
+    )
     stages, data = [microgrid.stage(case.step_h)], microgrid.data(situation)
     two_stage = TwoStage(
         stages, tree, trunk, data, microgrid.start(), terminal_cuts(microgrid), risk or Risk()

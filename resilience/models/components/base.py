@@ -10,6 +10,9 @@ from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
+AT_BUS = "bus.energised"
+"""Name in a stage of (buses,) whether a bus is energised; where it is not there, data tell."""
+
 
 @dataclass(frozen=True)
 class Injection:

@@ -29,12 +29,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import ESSTable
-from resilience.models.components.base import Injection, inverter
+from resilience.models.algebra import Affine
+from resilience.models.components.base import AT_BUS, Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
+
+FORMING_SHARE = 1e-3
+"""Of its capacity, that a storage has to hold above its lowest energy in order to form an island."""
+FORMING_TOLERANCE = 1e-6
+"""Of its capacity: a storage so little below counts as one that holds it."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,7 @@ class ESS(DeviceFleet):
     fed: ClassVar = EnergyTerm("discharge", "discharged")
     intake: ClassVar = EnergyTerm("charge", "charged")
     stored: ClassVar = "ess.energy"
+    forms: ClassVar = "ess.forms"
 
     tables: Sequence[ESSTable]
 
@@ -93,6 +100,34 @@ class ESS(DeviceFleet):
         """Energy capacity."""
         return self._array("e_mwh")
 
+    def forming(self) -> Bools:
+        """Those marked so that can discharge at all."""
+        can_give = self._array("soc_max") - self._array("soc_min") >= FORMING_SHARE
+        return super().forming() & can_give & (self._array("p_min_mw") < 0.0)
+
+    def forms_surely(self) -> Bools:
+        """None: a storage may be empty."""
+        return np.zeros(len(self.tables), bool)
+
+    def has_energy(self, energy: Floats) -> Bools:
+        """Whether what is stored exceeds the lowest energy by 0.1 % of the capacity."""
+        size = self._array("e_mwh")
+        least = size * (self._array("soc_min") + FORMING_SHARE - FORMING_TOLERANCE)
+        return energy >= least[:, None]
+
+    def _forming(self, stage: Stage, now: Affine) -> None:
+        """Declares which units form, by the energy `now` (units,) at the start of the step."""
+        units = np.flatnonzero(self.forming())
+        names = [self.names[i] for i in units]
+        size = self._array("e_mwh")[units]
+        gives = (now[units] - size * self._array("soc_min")[units]) * (1.0 / (FORMING_SHARE * size))
+        ones = np.ones(len(units))
+        forms, lacks = stage.split(
+            "ess", names, (ones, ones), (ones, ones), parts=("forms", "lacks"), unit="1"
+        )
+        stage.le("ess.forms.energy", forms, gives)
+        stage.le("ess.forms.lack", 1.0 - gives, lacks)
+
     def emit(self, stage: Stage) -> Injection:
         """Discharge less charge; the energy is the state."""
         size = self._array("e_mwh")
@@ -115,6 +150,8 @@ class ESS(DeviceFleet):
         gain = charge * self._array("efficiency_charge")
         drain = discharge * (1.0 / self._array("efficiency_discharge"))
         stage.eq("ess.dynamics", after, now + (gain - drain) * stage.dt)
+        if AT_BUS in stage and self.forming().any():
+            self._forming(stage, now)
         price = self._array("degradation_cost_per_mwh")
         stage.cost("ess.degradation", discharge, price * stage.dt)
         p = discharge - charge

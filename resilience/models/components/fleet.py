@@ -72,6 +72,8 @@ class DeviceFleet(ABC):
         limit: name of the datum with the most that it can feed in, MW: what the weather offers, or
             what the devices are able to; loads have none.
         stored: name of its state of stored energy, MWh; None of all but storage.
+        forms: name of its variable that is 1 where a device forms its island, of those devices (its
+            labels) that do not whatever is decided.
         running: name of its variable that is 1 where a device runs; None without commitment.
         tables: one table per device.
         bus: index of every device's bus.
@@ -87,6 +89,7 @@ class DeviceFleet(ABC):
     intake: ClassVar[EnergyTerm | None] = None
     curtailed: ClassVar[EnergyTerm | None] = None
     stored: ClassVar[str | None] = None
+    forms: ClassVar[str | None] = None
     running: ClassVar[str | None] = None
 
     tables: Sequence[DeviceTable]
@@ -167,6 +170,18 @@ class DeviceFleet(ABC):
     def forming(self) -> Bools:
         """Whether a device can carry an island alone: those whose table says `grid_forming`."""
         return np.array([getattr(t, "grid_forming", False) for t in self.tables], bool)
+
+    def forms_surely(self) -> Bools:
+        """Whether a device forms its island whatever is decided; never more than `forming`."""
+        return self.forming()
+
+    def has_energy(self, energy: Floats) -> Bools:
+        """(devices, nodes) or (devices, 1) whether a device has energy to form an island.
+
+        Args:
+            energy: (devices, nodes) MWh stored, of storage; of no account for all others.
+        """
+        return np.ones((len(self.tables), 1), bool)
 
     def voltage_pu(self) -> Floats:
         """Voltage that a device holds at its bus, pu; NaN where it holds none."""

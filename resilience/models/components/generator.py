@@ -16,9 +16,10 @@ Minimum up and down times are hours still to wait, a state:
 $$ r' = \max\{r - \Delta t,\ (T^\uparrow - \Delta t)\, y,\ 0\}, \qquad r \le T^\uparrow u $$
 
 and alike for standing still with $w$ and $1 - u$. A unit in a dead island stands still, whatever
-it was doing, and what is left of its minimum up time lapses: $r - \Delta t - T^\uparrow (1 - u)$
-stands in place of $r - \Delta t$. Without minimum power, no-load cost, start cost and minimum
-times there is no binary.
+it was doing. In the slot in which an outage begins in its island it may trip: neither its minimum up
+time nor its ramp keep it from going down, or off. What is left of the minimum up time lapses with a
+stop: $r - \Delta t - T^\uparrow w$ stands in place of $r - \Delta t$. Without minimum power,
+no-load cost, start cost and minimum times there is no binary.
 
 | symbol | name | unit |
 |---|---|---|
@@ -42,10 +43,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import GeneratorTable
 from resilience.models.algebra import Affine, scatter
-from resilience.models.components.base import Injection
+from resilience.models.components.base import AT_BUS, Injection
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
@@ -66,6 +67,7 @@ class Generators(DeviceFleet):
     limit: ClassVar[str] = "generator.p_max"
     fed: ClassVar = EnergyTerm("generators", "generators")
     running: ClassVar = "generator.on"
+    forms: ClassVar = "generator.on"
 
     tables: Sequence[GeneratorTable]
 
@@ -97,6 +99,12 @@ class Generators(DeviceFleet):
         """At its greatest active and reactive power."""
         q_min, q_max = self._array("q_min_mvar"), self._array("q_max_mvar")
         return np.hypot(self._array("p_max_mw"), np.maximum(np.abs(q_min), np.abs(q_max)))
+
+    def forms_surely(self) -> Bools:
+        """Those that need no commitment: nothing keeps them from running."""
+        surely = self.forming()
+        surely[self.committed] = False
+        return surely
 
     def merge_key(self, table: GeneratorTable) -> Hashable | None:
         """Its price; a unit with a curve, ramps or commitment stays alone."""
@@ -170,6 +178,8 @@ class Generators(DeviceFleet):
         low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
         stage.le("generator.p_upper", p[units], on * high)
         stage.le("generator.p_lower", on * low, p[units])
+        if AT_BUS in stage:
+            stage.le("generator.energised", on, stage[AT_BUS][self.bus[units]])
         if q is not None:
             stage.le("generator.q_upper", q[units], on * self._array("q_max_mvar", units))
             stage.le("generator.q_lower", on * self._array("q_min_mvar", units), q[units])
@@ -180,11 +190,23 @@ class Generators(DeviceFleet):
         stage.cost("generator.start", start, self._array("start_cost", units))
         running = {"up": (on, start), "down": (1.0 - on, stop)}
         for way, (while_, begin) in running.items():
-            self._minimum_time(stage, way, while_, begin, alive)
+            self._minimum_time(stage, way, while_, begin)
 
-    def _minimum_time(
-        self, stage: Stage, way: str, while_: Affine, begin: Affine, alive: Affine
-    ) -> None:
+    def _bound(self, stage: Stage) -> Affine:
+        """(units,) datum: 1 where what ran before binds, 0 where an outage takes that away."""
+        if "generator.bound" in stage:
+            return stage["generator.bound"]
+        about = "whether limits on stopping hold"
+        return stage.data("generator.bound", self.names, unit="1", about=about)
+
+    def _dark(self, stage: Stage, units: Ints) -> Affine:
+        """(units,) 1 where the island of a unit that cannot form one is not energised."""
+        if AT_BUS not in stage:
+            return Affine.constant(0.0, len(units))
+        follows = np.array([not self.tables[i].grid_forming for i in units], float)
+        return (1.0 - stage[AT_BUS][self.bus[units]]) * follows
+
+    def _minimum_time(self, stage: Stage, way: str, while_: Affine, begin: Affine) -> None:
         units = self._timed(way)
         if not len(units):
             return
@@ -198,9 +220,8 @@ class Generators(DeviceFleet):
         zero = Affine.constant(0.0, len(units))
         waived = lapsed = zero
         if way == "up":
-            follows = np.array([not self.tables[i].grid_forming for i in units], float)
-            waived = (1.0 - alive[rows]) * hours
-            lapsed = (1.0 - while_[rows]) * (hours * follows)
+            waived = (1.0 - self._bound(stage)[units] + self._dark(stage, units)) * hours
+            lapsed = stage["generator.stop"][rows] * hours
         stage.le(f"generator.min_{way}", now, while_[rows] * hours + waived)
         pace = begin[rows] * np.maximum(hours - stage.dt, 0.0)
         stage.largest(name, after, now - lapsed - stage.dt, pace, zero)
@@ -222,7 +243,7 @@ class Generators(DeviceFleet):
         ]
         low, high = self._array("p_min_mw", units), self._array("p_max_mw", units)
         up, down = (np.minimum(limit, high) for limit in limits)
-        lost = stage.data("generator.lost", names, unit="MW", about="power lost to a dead island")
+        lost = (1.0 - self._bound(stage)[units] + self._dark(stage, units)) * high
         start, stop = self._starts(stage, units)
         stage.le("generator.ramp_up", p[units] - before, start * low + up)
         stage.le("generator.ramp_down", before - p[units], stop * low + down + lost)
@@ -238,7 +259,7 @@ class Generators(DeviceFleet):
         return spread[0][units], spread[1][units]
 
     def data(self, situation: Situation) -> dict[str, Floats]:
-        """Limits, zero in a dead island, and what a dead island takes away."""
+        """Limits, zero in a dead island, and where what ran before binds."""
         alive = situation.alive_at(self.bus)
         p_max = self._array("p_max_mw")[:, None]
         return {
@@ -246,7 +267,7 @@ class Generators(DeviceFleet):
             "generator.q_min": self._array("q_min_mvar")[:, None] * alive,
             "generator.q_max": self._array("q_max_mvar")[:, None] * alive,
             "generator.alive": alive[self.committed],
-            "generator.lost": (p_max * (1.0 - alive))[self.ramped],
+            "generator.bound": alive * ~situation.outage_begins[self.bus],
         }
 
     def start(self) -> dict[str, Floats]:

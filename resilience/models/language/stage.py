@@ -121,7 +121,7 @@ class Stage:
     _named: dict[str, Affine] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Affine:
-        """The variable or datum of that name, as some other component declared it."""
+        """The variable, datum or expression of that name, as some other component declared it."""
         return self._named[name]
 
     def __contains__(self, name: str) -> bool:
@@ -190,6 +190,11 @@ class Stage:
         self.states.append((before, self.variables[-1]))
         return now, after
 
+    def define(self, name: str, x: Affine) -> None:
+        """Makes an expression known by a name, for components that come later."""
+        self._check_fresh(name)
+        self._named[name] = x
+
     def eq(self, name: str, x: Affine, right: Any = 0.0) -> None:
         """`x == right` for every label of x."""
         self._row(name, x - right, True)
@@ -223,13 +228,17 @@ class Stage:
         limits: tuple[ArrayLike, ArrayLike],
         *,
         parts: tuple[str, str] = ("pos", "neg"),
+        unit: str = "MW",
     ) -> tuple[Affine, Affine]:
         """Columns pos, neg >= 0 with pos * neg = 0: x = pos - neg gives |x|, max(x, 0), a mode.
 
         `bounds` of the two may be data; `limits` are the constants they never exceed.
         """
-        pos = self.var(f"{name}.{parts[0]}", labels, 0.0, bounds[0], about=f"power, {parts[0]}")
-        neg = self.var(f"{name}.{parts[1]}", labels, 0.0, bounds[1], about=f"power, {parts[1]}")
+        what = "power" if unit == "MW" else name
+        pos, neg = (
+            self.var(f"{name}.{part}", labels, 0.0, bound, unit=unit, about=f"{what}, {part}")
+            for part, bound in zip(parts, bounds, strict=True)
+        )
         constants = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
         self.structure(Split, name, (pos, neg), constants)
         return pos, neg

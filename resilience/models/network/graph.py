@@ -34,16 +34,8 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
         new index (buses,). For lossless transport without voltages the two are equivalent.
     """
     firm = ~fallible & ~network.switchable & np.isinf(network.rating_mva)
-    n = len(network.bus_names)
-    i, j = network.from_bus[firm], network.to_bus[firm]
-    graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
-    _, group = connected_components(graph, directed=False)
-    # Groups are numbered in the order of their first members, which name them: components come in
-    # an order of their own, and the rank of a first member is the new number of its group.
-    _, first, group_of = np.unique(group, return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first))
-    bus_of = rank[group_of.ravel()]
-    first = np.sort(first)
+    bus_of = joined(network, firm)
+    first = np.unique(bus_of, return_index=True)[1]
     remaining = _lines(network, np.flatnonzero(~firm))
     merged = replace(
         remaining,
@@ -56,6 +48,20 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
         aliases={},
     )
     return merged, bus_of
+
+
+def joined(network: Network, lines: Bools) -> Ints:
+    """(buses,) number of the group of every bus when some `lines` (lines,) join their ends.
+
+    Groups are numbered in the order of their first members.
+    """
+    n = len(network.bus_names)
+    i, j = network.from_bus[lines], network.to_bus[lines]
+    graph = sp.coo_array((np.ones(len(i)), (i, j)), shape=(n, n))
+    _, group = connected_components(graph, directed=False)
+    # Components come in an order of their own: the rank of a first member is the new number.
+    _, first, group_of = np.unique(group, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[group_of.ravel()]
 
 
 def bundle(network: Network, fallible: Bools) -> Network:

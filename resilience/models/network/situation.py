@@ -30,6 +30,10 @@ class Situation:
         forming: (buses,) whether a bus has a grid-forming unit.
         n: number of nodes.
         islands: what is known of the network's islands; found anew if omitted.
+        forming_now: (buses, nodes) whether a grid-forming unit there is running and has energy to
+            give; wherever `forming` is true if omitted.
+        line_up_before: (lines, nodes) `line_up` one slot before; None: no outage begins.
+        is_last: (nodes,) whether the horizon ends with the node; None: with none of them.
     """
 
     profile: Callable[[str | None], Floats]
@@ -39,10 +43,20 @@ class Situation:
     forming: Bools
     n: int
     islands: Islands | None = None
+    forming_now: Bools | None = None
+    line_up_before: Bools | None = None
+    is_last: Bools | None = None
+
+    @cached_property
+    def _known_islands(self) -> Islands:
+        return self.islands or Islands(self.ends, self.forming)
 
     @cached_property
     def _islands(self) -> tuple[Ints, Floats]:
-        return (self.islands or Islands(self.ends, self.forming)).lookup(self.line_up)
+        island, alive = self._known_islands.lookup(self.line_up)
+        if self.forming_now is not None:
+            alive = reached(island, self.forming_now) * 1.0
+        return island, alive
 
     @property
     def island(self) -> Ints:
@@ -57,6 +71,27 @@ class Situation:
     def alive_at(self, bus: Ints) -> Floats:
         """(devices, nodes) `alive` of the buses where devices stand."""
         return self.alive[bus]
+
+
+    @cached_property
+    def outage_begins(self) -> Bools:
+        """(buses, nodes) whether a line fails that belonged to the bus's island a slot before."""
+        before = self.line_up_before
+        if before is None:
+            return np.zeros((len(self.forming), self.n), bool)
+        island, _ = self._known_islands.lookup(before)
+        is_end = np.zeros(island.shape, bool)
+        line, node = np.nonzero(before & ~self.line_up)
+        is_end[self.ends[0, line], node] = True
+        return reached(island, is_end)
+
+
+def reached(island: Ints, holds: Bools) -> Bools:
+    """(buses, nodes) whether `holds` (buses, nodes) at any bus of the bus's island."""
+    nodes = np.broadcast_to(np.arange(island.shape[1]), island.shape)
+    in_island = np.zeros((island.max(initial=0) + 1, island.shape[1]), bool)
+    in_island[island[holds], nodes[holds]] = True
+    return in_island[island, nodes]
 
 
 MAX_NUMBERS = 1 << 24  # numbers kept per table before it starts anew: 0.3 GB in all
@@ -113,11 +148,9 @@ class Islands:
         start = self._island.shape[1]
         self._column.update({name: start + k for k, name in enumerate(names)})
         island = self._search(line_up)
-        patterns = np.broadcast_to(np.arange(island.shape[1]), island.shape)
-        has_source = np.zeros((island.max(initial=0) + 1, island.shape[1]), bool)
-        has_source[island[self.forming], patterns[self.forming]] = True
+        forming = np.broadcast_to(self.forming[:, None], island.shape)
         self._island = np.concatenate([self._island, island], axis=1)
-        self._alive = np.concatenate([self._alive, has_source[island, patterns] * 1.0], axis=1)
+        self._alive = np.concatenate([self._alive, reached(island, forming) * 1.0], axis=1)
 
     def _search(self, line_up: Bools) -> Ints:
         """All patterns side by side in one graph: a search costs more to begin than to do."""

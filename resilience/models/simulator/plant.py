@@ -53,7 +53,7 @@ class Plant:
 
     def __init__(self, microgrid: Microgrid, dt: float) -> None:
         self.microgrid, self.dt = microgrid, dt
-        self.form = stage_form(microgrid.stage(dt))
+        self.form = stage_form(microgrid.stage(dt, energy_known=True))
         self.balance_rows = rows = self.form.rows("balance.p")
         self._balance = self.form.a.tocsr()[rows]
         self.n_buses = int(self._balance.shape[0])
