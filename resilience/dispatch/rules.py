@@ -38,7 +38,7 @@ class Greedy:
     def act(self, observation: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
         world, simulator = self.world, self.world.simulator
-        now = world.slot(observation.t)
+        now = world.slot(observation.t, observation.energy)
         low, high = simulator.limits(observation.energy, now.stacked)
         fleets = world.microgrid.fleets.values()
         net = np.zeros(observation.island.shape)

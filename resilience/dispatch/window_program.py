@@ -8,7 +8,7 @@ right-hand sides and the cost vector, so a program is built once and keeps its b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
+from resilience.case.schema import LoadTable
 from resilience.dispatch.merged_grid import MergedGrid, profiles_of
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
@@ -138,6 +139,8 @@ class WindowProgram:
         solver: holds it, and its basis between solves.
         step_of: (nodes,) step of every node of the tree.
         path_of: (nodes,) path of every node; 0 for the common slot.
+        final_price_per_mwh: of what storage lacks of `soc_final_min` at the end of the horizon,
+            that of the dearest load: no outage leaves the program without a solution.
     """
 
     def __init__(
@@ -150,6 +153,8 @@ class WindowProgram:
     ) -> None:
         self.merged, self.steps, self.paths = merged, steps, paths
         check_storage(merged.microgrid.case)
+        loads = merged.microgrid.case.tables_of(LoadTable)
+        self.final_price_per_mwh = max((load.shed_price_per_mwh for load in loads), default=0.0)
         dt = merged.microgrid.case.step_h
         stages = [merged.microgrid.stage(dt), merged.microgrid.stage(dt * steps.block_slots)]
         if reserve is not None:
@@ -192,7 +197,10 @@ class WindowProgram:
         }
         profile = merged.profile(lambda name: means[name][self.step_of])
         up = request.up[:, self.step_of, self.path_of]
-        data = merged.microgrid.data(merged.microgrid.situation(up, profile))
+        is_last = (steps.starts <= last - request.t) & (last - request.t < steps.starts + steps.width)
+        situation = merged.microgrid.situation(up, profile, is_last=is_last[self.step_of])
+        situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh)
+        data = merged.microgrid.data(situation)
         # Of a step that passes the end of the horizon only the part before it counts.
         inside = np.clip(last + 1 - request.t - steps.starts, 0, steps.width) / steps.width
         if inside[-1] < 1.0:

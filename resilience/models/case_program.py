@@ -118,11 +118,30 @@ def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
 
 
 def as_switched(program: CaseProgram, z: Floats) -> Situation:
-    """The situation with every switchable line as z has it: the islands that really form."""
+    """The situation with every line and every forming unit as z has it: what is really alive."""
     standard, situation = program.standard, program.situation
+    if program.microgrid.energised is not None:
+        situation = replace(situation, forming_now=_forming_now(program, z))
     if not standard.has("line.closed"):
         return situation
     up = situation.line_up.copy()
     rows = [situation.names.index(name) for name in standard.labels("line.closed")]
     up[rows] = z[standard.columns("line.closed")] > 0.5
     return replace(situation, line_up=up)
+
+
+def _forming_now(program: CaseProgram, z: Floats) -> Bools:
+    """(buses, nodes) whether a forming unit stands there that runs, or has energy to give."""
+    standard, nodes = program.standard, program.standard.tree.n
+    forming = np.zeros((len(program.situation.forming), nodes), bool)
+    for fleet in program.microgrid.fleets.values():
+        forms = np.repeat(fleet.forming()[:, None], nodes, axis=1)
+        if fleet.stored is not None:
+            ends = np.column_stack([z[standard.columns(fleet.stored)], program.x0[fleet.stored]])
+            forms &= fleet.has_energy(ends[:, standard.tree.parent])
+        if fleet.running is not None and standard.has(fleet.running):
+            committed = [fleet.names.index(name) for name in standard.labels(fleet.running)]
+            forms[committed] &= z[standard.columns(fleet.running)] > 0.5
+        device, node = np.nonzero(forms)
+        forming[fleet.bus[device], node] = True
+    return forming

@@ -24,11 +24,13 @@ from resilience.models.components import (
     bus_capacity,
     device_fleets,
     forming_with_energy,
+    in_roles,
 )
 from resilience.models.language.stage import Stage
 from resilience.models.network.graph import bridges, bundle, closable, cycle, joined, merge
 from resilience.models.network.limits import FlowLimits, current_limits, lossless_limits
 from resilience.models.network.situation import Islands, Situation
+from resilience.tolerances import INPUT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network
@@ -106,6 +108,14 @@ class Microgrid:
         return forming
 
     @cached_property
+    def separate_grids(self) -> Bools:
+        """(buses,) buses with a grid that may not share a tree with another; none with a single."""
+        on_grid = np.zeros(len(self.network.bus_names), bool)
+        for fleet in in_roles(self.fleets.values(), "exchange"):
+            on_grid[fleet.bus[fleet.forming()]] = True
+        return on_grid & (on_grid.sum() > 1) & (not self.network.parallel_grids)
+
+    @cached_property
     def islands(self) -> Islands:
         """The islands that its lines make, remembered per pattern of line status."""
         return Islands(np.stack([self.network.from_bus, self.network.to_bus]), self.forming)
@@ -157,16 +167,27 @@ class Microgrid:
         )
         voltages = [buses] if buses else []
         switches = (
-            [Topology(lines, network.bus_names, self.forming)] if network.switchable.any() else []
+            [Topology(lines, network.bus_names, self.forming, self.separate_grids)]
+            if network.switchable.any()
+            else []
         )
         return [*voltages, lines, *switches]
 
     def _buses(self) -> Buses:
         low, high = self.network.v_min_pu.copy(), self.network.v_max_pu.copy()
+        holder: dict[int, tuple[str, float]] = {}
         for fleet in self.fleets.values():
             voltage = fleet.voltage_pu()
-            holds = np.isfinite(voltage)
-            low[fleet.bus[holds]] = high[fleet.bus[holds]] = voltage[holds]
+            for k in np.flatnonzero(np.isfinite(voltage)):
+                bus, held = int(fleet.bus[k]), (fleet.names[k], float(voltage[k]))
+                other, other_pu = holder.setdefault(bus, held)
+                if abs(other_pu - held[1]) > INPUT_TOLERANCE:
+                    raise UsageError(
+                        f"{other} and {held[0]} hold {other_pu:g} and {held[1]:g} pu at bus "
+                        f"{self.network.bus_names[bus]}; allowed: one voltage at one bus",
+                        hint="give both the same voltage, or a bus each",
+                    )
+                low[bus] = high[bus] = held[1]
         return Buses(self.network.bus_names, low, high)
 
     def _flow_limits(self, buses: Buses | None) -> FlowLimits:

@@ -31,7 +31,7 @@ def simulate(
     seconds = cpu = 0.0
     ends = set(world.ends.tolist())
     for t in range(case.slots):
-        slot, up = world.slot(t), world.line_up[:, t]
+        slot, up = world.slot(t, energy), world.line_up[:, t]
         observation = Observation(t, energy, up, slot.island, world.centre(t), world.forecast(t))
         began = time.perf_counter(), time.process_time()
         action = dispatcher.act(observation)

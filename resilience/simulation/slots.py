@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.microgrid import Microgrid
+from resilience.models.network.situation import reached
 from resilience.models.simulator import NetworkSimulator, Simulator
 
 Stepper = Simulator | NetworkSimulator
@@ -61,6 +62,29 @@ class Slots:
         if number != self.number:
             self.number, self.stretch = number, self._stretch(number * self.length)
         return self.stretch[place]
+
+    def with_energy(self, t: int, energy: Floats) -> Slot:
+        """Slot t where `energy` (units, scenarios), MWh, is stored at its start.
+
+        A storage without energy to give forms no island; see `Microgrid.forming_with`.
+        """
+        slot = self[t]
+        if self.microgrid.energised is None:
+            return slot
+        forming = self.microgrid.forming[:, None]
+        alive, alive_now = (
+            reached(slot.island, np.broadcast_to(forms, slot.island.shape))
+            for forms in (forming, self.microgrid.forming_with(energy))
+        )
+        if (alive == alive_now).all():
+            return slot
+        now = np.array([t])
+        situation = self.microgrid.situation(
+            self.line_up[:, t], lambda name: self.profile(name, now)[0], energy=energy
+        )
+        data = self.microgrid.data(situation)
+        wide = {k: np.broadcast_to(v, (len(v), energy.shape[1])) for k, v in data.items()}
+        return Slot(wide, self.simulator.stacked(wide), slot.island)
 
     def _stretch(self, first: int) -> list[Slot]:
         """The slots from `first` on, as many as a stretch has."""

@@ -159,9 +159,15 @@ class World:
     def _slots(self) -> Slots:
         return Slots(self.microgrid, self.simulator, self.line_up, self.profile)
 
-    def slot(self, t: int) -> Slot:
-        """Data and islands of slot t in every scenario."""
-        return self._slots[t]
+    def slot(self, t: int, energy: Floats | None = None) -> Slot:
+        """Data and islands of slot t in every scenario.
+
+        Args:
+            t: the slot.
+            energy: (units, scenarios) MWh stored at its start: a storage without energy to give
+                forms no island. If omitted, all have some.
+        """
+        return self._slots[t] if energy is None else self._slots.with_energy(t, energy)
 
     def centre(self, t: int) -> Ints:
         """(scenarios,) what operators know of the hazard's peak on slot t's day; -1: nothing."""

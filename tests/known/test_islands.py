@@ -99,7 +99,7 @@ FORMING = [
     ({"generator": [{"p_max_mw": 1.0, "cost_per_mwh": 0.4}]}, True),
     ({"generator": [{"p_max_mw": 1.0, "cost_per_mwh": 0.4, "grid_forming": False}]}, False),
     ({"pv": [{"p_max_mw": 1.0}]}, False),
-    ({"ess": [STORAGE | {"p_max_mw": 0.0, "e_mwh": 1.0}], "pv": [{"p_max_mw": 1.0}]}, True),
+    ({"ess": [STORAGE | {"p_max_mw": 0.0, "e_mwh": 1.0}], "pv": [{"p_max_mw": 1.0}]}, False),
     ({"ess": [STORAGE | {"soc_initial": 0.0, "p_max_mw": 0.1}], "pv": [{"p_max_mw": 1.0}]}, True),
 ]
 

@@ -36,6 +36,7 @@ from resilience.models.components.base import AT_BUS, Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
+from resilience.models.structures import Split
 
 FORMING_SHARE = 1e-3
 """Of its capacity, that a storage has to hold above its lowest energy in order to form an island."""
@@ -115,18 +116,48 @@ class ESS(DeviceFleet):
         least = size * (self._array("soc_min") + FORMING_SHARE - FORMING_TOLERANCE)
         return energy >= least[:, None]
 
-    def _forming(self, stage: Stage, now: Affine) -> None:
-        """Declares which units form, by the energy `now` (units,) at the start of the step."""
+    def emit_forming(self, stage: Stage) -> None:
+        """Declares which units form, by their energy at the start of the step."""
         units = np.flatnonzero(self.forming())
-        names = [self.names[i] for i in units]
-        size = self._array("e_mwh")[units]
-        gives = (now[units] - size * self._array("soc_min")[units]) * (1.0 / (FORMING_SHARE * size))
-        ones = np.ones(len(units))
-        forms, lacks = stage.split(
-            "ess", names, (ones, ones), (ones, ones), parts=("forms", "lacks"), unit="1"
-        )
+        if not len(units):
+            return
+        names, size = [self.names[i] for i in units], self._array("e_mwh")[units]
+        now = stage["ess.energy.now"][units] - size * self._array("soc_min")[units]
+        gives = now * (1.0 / (FORMING_SHARE * size))
+        forms = stage.var("ess.forms", names, 0.0, 1.0, unit="1", about="forms its island")
+        lacks = stage.var("ess.lacks", names, 0.0, 1.0, unit="1", about="lack of energy to form")
+        ones, zero = np.ones(len(units)), Affine.constant(0.0, len(units))
         stage.le("ess.forms.energy", forms, gives)
-        stage.le("ess.forms.lack", 1.0 - gives, lacks)
+        stage.largest("ess.lacks", lacks, 1.0 - gives, zero)
+        stage.structure(Split, "ess.forms", (forms, lacks), (ones, ones))
+
+    @property
+    def ending(self) -> Ints:
+        """Units with a least energy at the end of the horizon."""
+        return np.flatnonzero([t.soc_final_min is not None for t in self.tables])
+
+    def _final(self, stage: Stage, after: Affine) -> None:
+        """Energy `after` (units,) is enough at the end, or what lacks is paid for where it may."""
+        units = self.ending
+        names = [self.names[i] for i in units]
+        least = stage.data("ess.final_min", names, unit="MWh", about="least energy after the step")
+        most = stage.data("ess.final_lack_max", names, unit="MWh", about="lack that is allowed")
+        price = stage.data("ess.final_price", names, unit="$/MWh", about="price of the lack")
+        lack = stage.var("ess.final_lack", names, 0.0, most, unit="MWh", about="lack at the end")
+        stage.le("ess.final", least - after[units], lack)
+        stage.cost("ess.final", lack, price)
+
+    def _final_data(self, situation: Situation) -> dict[str, Floats]:
+        units, nodes = self.ending, situation.n
+        is_last = np.zeros(nodes) if situation.is_last is None else situation.is_last * 1.0
+        size = self._array("e_mwh")[units, None]
+        final = np.array([self.tables[i].soc_final_min for i in units], float)[:, None]
+        price = situation.final_price_per_mwh
+        return {
+            "ess.final_min": size * final * is_last,
+            "ess.final_lack_max": size * np.full(nodes, float(price is not None)),
+            "ess.final_price": np.full((len(units), nodes), price or 0.0),
+        }
 
     def emit(self, stage: Stage) -> Injection:
         """Discharge less charge; the energy is the state."""
@@ -150,8 +181,8 @@ class ESS(DeviceFleet):
         gain = charge * self._array("efficiency_charge")
         drain = discharge * (1.0 / self._array("efficiency_discharge"))
         stage.eq("ess.dynamics", after, now + (gain - drain) * stage.dt)
-        if AT_BUS in stage and self.forming().any():
-            self._forming(stage, now)
+        if len(self.ending):
+            self._final(stage, after)
         price = self._array("degradation_cost_per_mwh")
         stage.cost("ess.degradation", discharge, price * stage.dt)
         p = discharge - charge
@@ -164,6 +195,7 @@ class ESS(DeviceFleet):
             "ess.charge_max": self._array("p_max_mw")[:, None] * alive,
             "ess.discharge_max": -self._array("p_min_mw")[:, None] * alive,
             "ess.q_max": self.s_mva[:, None] * alive[self.rated],
+            **self._final_data(situation),
         }
 
     def start(self) -> dict[str, Floats]:

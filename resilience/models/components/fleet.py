@@ -175,6 +175,9 @@ class DeviceFleet(ABC):
         """Whether a device forms its island whatever is decided; never more than `forming`."""
         return self.forming()
 
+    def emit_forming(self, stage: Stage) -> None:
+        """Declares the variable `forms` where `emit` does not anyway; the fleet is emitted."""
+
     def has_energy(self, energy: Floats) -> Bools:
         """(devices, nodes) or (devices, 1) whether a device has energy to form an island.
 

@@ -21,7 +21,8 @@ $$ \delta \phi_i \le e_i - \underline{s} E_i, \qquad
 \lambda_i \ge 1 - (e_i - \underline{s} E_i) / \delta, \qquad \phi_i \lambda_i = 0 $$
 
 with $e_i$ at the start of the step: it forms only with energy to give, $\delta$ at least.
-So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1.
+So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1. A plan may
+leave an island dark that could be alive, but not one with power that must be taken.
 
 | symbol | name | unit |
 |---|---|---|
@@ -108,6 +109,8 @@ class Energised:
 
     def connect(self, stage: Stage) -> None:
         """Ties the cells of an island to each other and to what forms it, behind all devices."""
+        for fleet in self.fleets:
+            fleet.emit_forming(stage)
         n, forms = len(self.names), self._forms(stage) + self.sure.astype(float)
         places = np.unique(np.concatenate([np.flatnonzero(self.sure), forms.rows]))
         names = [self.names[k] for k in places]

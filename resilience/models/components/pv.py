@@ -20,10 +20,8 @@ from typing import ClassVar
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.profiles import MAX_PU
 from resilience.case.schema import PVTable
-from resilience.models.algebra import Affine
-from resilience.models.components.base import AT_BUS, Injection, inverter
+from resilience.models.components.base import Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
@@ -85,21 +83,10 @@ class PV(DeviceFleet):
         """Power up to what the sun gives."""
         available = stage.data("pv.available", self.names, about="power available")
         must = stage.data("pv.must_take", self.names, about="power that cannot be curtailed")
-        if AT_BUS in stage:
-            p = stage.var("pv.p", self.names, 0.0, available, about="power fed in")
-            self._must_take(stage, p, must)
-        else:
-            p = stage.var("pv.p", self.names, must, available, about="power fed in")
+        p = stage.var("pv.p", self.names, must, available, about="power fed in")
         prices = np.array([t.cost_per_mwh for t in self.tables])
         stage.cost("pv.energy", p, prices * stage.dt)
         return Injection(p, inverter(stage, "pv", p, self.s_mva, self.rated), self.bus)
-
-    def _must_take(self, stage: Stage, p: Affine, must: Affine) -> None:
-        """What cannot be curtailed is fed in where the bus is energised."""
-        forced = np.flatnonzero([not t.curtailable for t in self.tables])
-        most = MAX_PU * self.power_range()[1][forced]
-        dark = 1.0 - stage[AT_BUS][self.bus[forced]]
-        stage.le("pv.must_take", must[forced] - p[forced], dark * most)
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Available power, must-take power, and the limits of reactive power."""

@@ -10,6 +10,9 @@ $$ \sum_l z_l + \sum_b \rho_b = \sum_b a_b, \qquad
 |f_l| \le N z_l, \quad 0 \le \gamma_b \le N \rho_b $$
 
 $N$ is 1.1 times the number of buses, which is all that a root ever feeds.
+Where grids may not be paralleled, $\rho_b = 1$ at each of them: a tree has one root.
+Where it is decided which islands are alive, $a_b$ is a variable, see `forming`, and so is the number of
+fixed lines that are links, `topology.link`.
 
 | symbol | name | unit |
 |---|---|---|
@@ -27,7 +30,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats
-from resilience.models.algebra import Labels, scatter
+from resilience.models.algebra import Affine, Labels, scatter
+from resilience.models.components.base import AT_BUS
 from resilience.models.components.line import Lines
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import MARGIN
@@ -42,21 +46,31 @@ class Topology:
         lines: those that can be closed.
         buses: names.
         forming: (buses,) possible roots.
+        roots: (buses,) buses that have to be roots: those of grids that may not feed one tree.
     """
 
     lines: Lines
     buses: Labels
     forming: Bools
+    roots: Bools
 
     def emit(self, stage: Stage) -> None:
         """Declares roots and the commodity."""
         lines, n = self.lines, len(self.buses)
         commodity_max = MARGIN * n
-        alive = stage.data("topology.alive", self.buses, unit="1", about="has a path to a source")
-        count = stage.data("topology.links", ("network",), unit="1", about="links still to choose")
+        alive, count = self._links(stage)
         places = np.flatnonzero(self.forming)
         names = [self.buses[i] for i in places]
-        root = stage.binary("topology.root", names, about="fed by the virtual root")
+        root = stage.var(
+            "topology.root",
+            names,
+            self.roots[places].astype(float),
+            1.0,
+            unit="1",
+            about="fed by the virtual root",
+            integer=True,
+            kind="binary",
+        )
         feed = stage.var(
             "topology.feed", names, 0.0, commodity_max, unit="1", about="commodity fed in"
         )
@@ -80,6 +94,28 @@ class Topology:
         )
         arriving = flow.mapped(incidence, self.buses)
         stage.eq("topology.reach", scatter(feed, places, n, self.buses) + arriving, alive)
+
+    def _links(self, stage: Stage) -> tuple[Affine, Affine]:
+        """(buses,) whether a bus is alive, and (1,) how many switches and roots make a forest."""
+        if AT_BUS not in stage:
+            alive = stage.data(
+                "topology.alive", self.buses, unit="1", about="has a path to a source"
+            )
+            return alive, stage.data(
+                "topology.links", ("network",), unit="1", about="links still to choose"
+            )
+        lines, alive = self.lines, stage[AT_BUS]
+        firm = np.flatnonzero(~lines.fallible & ~lines.switchable)
+        count = alive.sum() - alive[lines.from_bus[firm]].sum()
+        risky = np.flatnonzero(lines.fallible & ~lines.switchable)
+        if len(risky):
+            up, there = stage["line.up"][risky], alive[lines.from_bus[risky]]
+            names = [lines.names[k] for k in risky]
+            link = stage.var("topology.link", names, 0.0, up, unit="1", about="joins live buses")
+            stage.le("topology.link.alive", link, there)
+            stage.le("topology.link.up", there - 1.0 + up, link)
+            count = count - link.sum()
+        return alive, count
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Live buses, and how many lines and roots make a spanning tree of them."""

@@ -11,6 +11,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.case_program import CaseProgram
+from resilience.models.program.referee import tightened
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Cone, Disc, Mode, Structure
 from resilience.tolerances import PLAN_GAP, RELAXATION_TOLERANCE
@@ -100,7 +101,7 @@ class Deadline:
 
 def broken_modes(standard: Standard, z: Floats) -> dict[int, Bools]:
     """For the index of each structure with modes, the elements (n,) that z breaks, if any."""
-    broken = {}
+    broken, z = {}, tightened(standard, z)
     for k, unrolled in standard.structures_of(Mode).items():
         elements = unrolled.violation(z) > RELAXATION_TOLERANCE
         if elements.any():
@@ -121,7 +122,7 @@ def fractional(standard: Standard, z: Floats) -> Bools:
 
 def broken_facts(standard: Standard, z: Floats) -> list[str]:
     """In words, which relaxed facts z breaks; empty if it satisfies the whole model."""
-    facts = []
+    facts, z = [], tightened(standard, z)
     for kind in (Mode, Cone, Disc):
         for unrolled in standard.structures_of(kind).values():
             facts.append(unrolled.structure.shortfall(unrolled.violation(z), RELAXATION_TOLERANCE))
@@ -147,7 +148,7 @@ def idle_columns(
         z: (columns,) values.
         elements: for the index of each structure with modes, which elements (n,) are meant.
     """
-    modes = standard.structures_of(Mode)
+    modes, z = standard.structures_of(Mode), tightened(standard, z)
     columns = [np.empty(0, np.intp)]
     for k, chosen in elements.items():
         places = modes[k].columns[:, chosen]

@@ -48,8 +48,10 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     order = np.lexsort((~closed, network.switchable))
     ends = np.stack([network.from_bus, network.to_bus], axis=1)
     patterns, pattern = np.unique(situation.line_up, axis=1, return_inverse=True)
+    separate = program.microgrid.separate_grids
     status = [
-        _forest(ends, order[up[order]], closed, situation.forming)[switched] for up in patterns.T
+        _forest(ends, order[up[order]], closed, situation.forming, separate)[switched]
+        for up in patterns.T
     ]
     alive = situation.alive[network.from_bus[switched]]
     values = np.array(status).T[:, pattern.ravel()] * alive
@@ -57,20 +59,23 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     return program.vectors.fixed(columns.ravel(), values.ravel())
 
 
-def _forest(ends: Ints, order: Ints, closed: Bools, forming: Bools) -> Bools:
+def _forest(
+    ends: Ints, order: Ints, closed: Bools, forming: Bools, separate: Bools
+) -> Bools:
     """(lines,) a forest over the lines in `order`.
 
     Those that are `closed` join it where they close no cycle, others only where they join to a
-    source what has none.
+    source what has none. No two buses that are `separate` come into one tree.
     """
-    group, sourced = np.arange(len(forming)), forming.copy()
+    group, sourced, has_separate = np.arange(len(forming)), forming.copy(), separate.copy()
     forest = np.zeros(len(ends), bool)
     for line in order:
         near, far = group[ends[line]]
         needed = closed[line] or not (sourced[near] and sourced[far])
-        if near == far or not needed:
+        if near == far or not needed or (has_separate[near] and has_separate[far]):
             continue
         forest[line] = True
         sourced[near] |= sourced[far]
+        has_separate[near] |= has_separate[far]
         group[group == far] = near
     return forest

@@ -34,6 +34,8 @@ class Situation:
             give; wherever `forming` is true if omitted.
         line_up_before: (lines, nodes) `line_up` one slot before; None: no outage begins.
         is_last: (nodes,) whether the horizon ends with the node; None: with none of them.
+        final_price_per_mwh: of a storage's lack of energy where the horizon ends; None: it may
+            lack none.
     """
 
     profile: Callable[[str | None], Floats]
@@ -46,6 +48,7 @@ class Situation:
     forming_now: Bools | None = None
     line_up_before: Bools | None = None
     is_last: Bools | None = None
+    final_price_per_mwh: float | None = None
 
     @cached_property
     def _known_islands(self) -> Islands:

@@ -143,6 +143,12 @@ def settle(standard: Standard, z: Floats, vectors: Vectors) -> Floats:
     nearly_whole = np.abs(z - np.round(z)) < INTEGRALITY_TOLERANCE
     integers = np.flatnonzero(standard.integer & nearly_whole)
     z[integers] = np.round(z[integers])
+    return tightened(standard, z)
+
+
+def tightened(standard: Standard, z: Floats) -> Floats:
+    """The point with every `Largest` tight, which nothing else may press down: see `settle`."""
+    z = z.copy()
     maxima = list(standard.structures_of(Largest).values())
     order = sorted((node, k, i) for k, s in enumerate(maxima) for i, node in enumerate(s.nodes))
     for _, k, i in order:
