@@ -10,6 +10,12 @@ $P - r\ell$ and $Q - x\ell$:
 
 $$ v_j = v_i - 2 (r P + x Q) + (r^2 + x^2)\,\ell + \sigma, \qquad \ell\, v_i = P^2 + Q^2 $$
 
+Parallel lines share what they carry as their impedances have it. With one voltage drop, and with one
+angle between their ends, $V_i (V_i - V_j)^* = (P + jQ)(r - jx)$ is the same for all of them:
+
+$$ r_1 Q_1 - x_1 P_1 = r_2 Q_2 - x_2 P_2 $$
+
+where both are up (with the other sign on the right if they point in opposite directions).
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
 switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
@@ -102,6 +108,7 @@ class Lines:
             return Injection(stack([-p, p]), None, np.concatenate([self.from_bus, self.to_bus]))
         q = self._flow(stage, "line.q", (back, forth), "Mvar", "reactive power sent", status)
         p_end, q_end = self._voltages(stage, p, q, status)
+        self._shared(stage, p, q)
         rated = np.flatnonzero(np.isfinite(self.rating))
         stage.disc("line.rating", self.rating[rated], p[rated], q[rated])
         if self.losses:
@@ -186,6 +193,33 @@ class Lines:
         stage.cone("line.flow", current, _labelled(v_i, self.names), p, q)
         stage.penalty(current * np.where(self.r > 0, self.r, LOSSLESS))
         return p - current * self.r, q - current * self.x
+
+    def _shared(self, stage: Stage, p: Affine, q: Affine) -> None:
+        """Parallel lines that are both up have one angle between their ends."""
+        first, second, sign = self.parallel
+        if not len(first):
+            return
+        twist = q * self.r - p * self.x
+        limit = 2.0 * self.flow_max * (self.r + self.x)
+        most = limit[first] + limit[second]
+        names = [self.names[k] for k in second]
+        up = stage["line.up"]
+        free = (2.0 - up[first] - up[second]) * most
+        gap = stage.var("line.twist", names, -free, free, unit="pu", about="angle if one is out")
+        stage.eq("line.angle", twist[first] - twist[second] * sign - gap)
+
+    @property
+    def parallel(self) -> tuple[Ints, Ints, Floats]:
+        """Pairs of fixed lines that join two buses, and 1 or -1: whether they point alike."""
+        first: dict[tuple[int, int], int] = {}
+        pairs = []
+        for k in np.flatnonzero(~self.switchable).tolist():
+            ends = int(self.from_bus[k]), int(self.to_bus[k])
+            other = first.setdefault((min(ends), max(ends)), k)
+            if other != k:
+                pairs.append((other, k, 1.0 if self.from_bus[other] == ends[0] else -1.0))
+        table = np.array(pairs, float).reshape(len(pairs), 3)
+        return table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2]
 
     def _gap(self, stage: Stage, closed: Affine | None) -> Affine:
         free = np.flatnonzero(self.fallible | self.switchable)

@@ -107,13 +107,22 @@ class Topology:
         lines, alive = self.lines, stage[AT_BUS]
         firm = np.flatnonzero(~lines.fallible & ~lines.switchable)
         count = alive.sum() - alive[lines.from_bus[firm]].sum()
-        risky = np.flatnonzero(lines.fallible & ~lines.switchable)
-        if len(risky):
-            up, there = stage["line.up"][risky], alive[lines.from_bus[risky]]
-            names = [lines.names[k] for k in risky]
-            link = stage.var("topology.link", names, 0.0, up, unit="1", about="joins live buses")
+        risky = lines.fallible & ~lines.switchable
+        first, second, _ = lines.parallel
+        parallel = dict(zip(second.tolist(), first.tolist(), strict=True))  # however many: one link
+        firm_pairs = {parallel.get(k, k) for k in firm.tolist()}
+        members = [k for k in np.flatnonzero(risky) if parallel.get(k, k) not in firm_pairs]
+        if members:
+            links = sorted({parallel.get(k, k) for k in members})
+            row = np.array([links.index(parallel.get(k, k)) for k in members], np.intp)
+            names, up = [lines.names[k] for k in links], stage["line.up"][members]
+            link = stage.var("topology.link", names, 0.0, 1.0, unit="1", about="joins live buses")
+            place = sp.csr_array((np.ones(len(row)), (row, np.arange(len(row)))),
+                                 shape=(len(links), len(row)))  # fmt: skip
+            there = alive[lines.from_bus[links]]
+            stage.le("topology.link.any", link, up.mapped(place, tuple(names)))
             stage.le("topology.link.alive", link, there)
-            stage.le("topology.link.up", there - 1.0 + up, link)
+            stage.le("topology.link.up", there[row] - 1.0 + up, link[row])
             count = count - link.sum()
         return alive, count
 
@@ -121,6 +130,9 @@ class Topology:
         """Live buses, and how many lines and roots make a spanning tree of them."""
         up = self.lines.status(situation)
         settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
+        first, second, _ = self.lines.parallel
+        for one, other in zip(first, second, strict=True):  # however many, they are one link
+            settled[one], settled[other] = np.maximum(settled[one], settled[other]), 0.0
         links = situation.alive.sum(0) - settled.sum(0)
         return {"topology.alive": situation.alive, "topology.links": links[None, :]}
 

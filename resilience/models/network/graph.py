@@ -140,12 +140,15 @@ def _lines(network: Network, keep: Ints) -> Network:
 
 
 def cycle(network: Network) -> list[str]:
-    """Names of the lines of a cycle of closed lines that cannot be switched; empty if none."""
-    graph = nx.MultiGraph()
+    """Names of the lines of a cycle of closed lines that cannot be switched; empty if none.
+
+    Parallel lines make none: what they share follows from their impedances.
+    """
+    graph = nx.Graph()
     firm = np.flatnonzero(network.in_service & ~network.switchable)
     for k in firm:
-        graph.add_edge(network.from_bus[k], network.to_bus[k], key=network.line_names[k])
+        graph.add_edge(network.from_bus[k], network.to_bus[k], name=network.line_names[k])
     try:
-        return [str(edge[2]) for edge in nx.find_cycle(graph)]
+        return [str(graph.edges[edge]["name"]) for edge in nx.find_cycle(graph)]
     except nx.NetworkXNoCycle:
         return []
