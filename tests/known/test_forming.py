@@ -101,8 +101,8 @@ def test_the_last_thousandth_of_the_energy_keeps_the_sun_at_work(method: str) ->
         ess=[{"bus": "2", "p_max_mw": 0.91, "e_mwh": 2.5, "soc_min": 0.2, "soc_initial": 0.56}],
     )
     found = solved(case, method, "copperplate")
-    assert found.objective == pytest.approx(50.0 * 0.0025, rel=1e-6)
-    assert found["ess.energy"][0, 0] == pytest.approx(0.5 + 0.0025)
+    assert found.objective == pytest.approx(50.0 * 0.0025, rel=1e-3)
+    assert found["ess.energy"][0, 0] == pytest.approx(0.5 + 0.0025, abs=2.5e-6)
 
 
 @pytest.mark.parametrize("method", ["milp", "minlp"])

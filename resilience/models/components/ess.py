@@ -122,7 +122,10 @@ class ESS(DeviceFleet):
         if not len(units):
             return
         names, size = [self.names[i] for i in units], self._array("e_mwh")[units]
-        now = stage["ess.energy.now"][units] - size * self._array("soc_min")[units]
+        # Half of the tolerance, for plans to be alive where they are simulated; and at the lowest
+        # energy a rounding below would leave a program without a solution.
+        low = self._array("soc_min")[units] - FORMING_TOLERANCE / 2.0
+        now = stage["ess.energy.now"][units] - size * low
         gives = now * (1.0 / (FORMING_SHARE * size))
         forms = stage.var("ess.forms", names, 0.0, 1.0, unit="1", about="forms its island")
         lacks = stage.var("ess.lacks", names, 0.0, 1.0, unit="1", about="lack of energy to form")
