@@ -197,7 +197,9 @@ class WindowProgram:
         }
         profile = merged.profile(lambda name: means[name][self.step_of])
         up = request.up[:, self.step_of, self.path_of]
-        is_last = (steps.starts <= last - request.t) & (last - request.t < steps.starts + steps.width)
+        is_last = (steps.starts <= last - request.t) & (
+            last - request.t < steps.starts + steps.width
+        )
         situation = merged.microgrid.situation(up, profile, is_last=is_last[self.step_of])
         situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh)
         data = merged.microgrid.data(situation)

@@ -128,12 +128,12 @@ class Microgrid:
         sure = np.zeros(len(names), bool)
         for fleet in self.fleets.values():
             sure[cell[fleet.bus[fleet.forms_surely()]]] = True
-        lines = next((part for part in self._wires if isinstance(part, Lines)), None)
+        lines = next((wire for wire in self._wires if isinstance(wire, Lines)), None)
         energised = Energised(names, cell, sure, tuple(self.fleets.values()), lines)
         return energised if energised.is_decided else None
 
     def forming_with(self, energy: Floats) -> Bools:
-        """(buses, nodes) `forming`, of storage only with energy to give: `energy` (units, nodes)."""
+        """(buses, nodes) `forming`, of storage only where `energy` (units, nodes), MWh, allows."""
         return forming_with_energy(self.fleets.values(), len(self.forming), energy)
 
     @cached_property
@@ -179,15 +179,15 @@ class Microgrid:
         for fleet in self.fleets.values():
             voltage = fleet.voltage_pu()
             for k in np.flatnonzero(np.isfinite(voltage)):
-                bus, held = int(fleet.bus[k]), (fleet.names[k], float(voltage[k]))
-                other, other_pu = holder.setdefault(bus, held)
-                if abs(other_pu - held[1]) > INPUT_TOLERANCE:
+                bus, device, v_pu = int(fleet.bus[k]), fleet.names[k], float(voltage[k])
+                first_device, first_pu = holder.setdefault(bus, (device, v_pu))
+                if abs(first_pu - v_pu) > INPUT_TOLERANCE:
                     raise UsageError(
-                        f"{other} and {held[0]} hold {other_pu:g} and {held[1]:g} pu at bus "
+                        f"{first_device} and {device} hold {first_pu:g} and {v_pu:g} pu at bus "
                         f"{self.network.bus_names[bus]}; allowed: one voltage at one bus",
                         hint="give both the same voltage, or a bus each",
                     )
-                low[bus] = high[bus] = held[1]
+                low[bus] = high[bus] = v_pu
         return Buses(self.network.bus_names, low, high)
 
     def _flow_limits(self, buses: Buses | None) -> FlowLimits:

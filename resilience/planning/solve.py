@@ -24,7 +24,7 @@ from resilience.planning.plan import Plan
 from resilience.planning.reasons import shed_reasons
 from resilience.planning.records import Certificate, Costs, Horizon
 from resilience.planning.scenario_options import ScenarioOptions
-from resilience.planning.tables import SlotTable, balance, tabulate
+from resilience.planning.tables import SlotTable, balance, tabulate, trip_notes
 from resilience.progress import phase, stopwatch
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
 
@@ -160,7 +160,7 @@ def plan_known_outages(
         certificate=point.certificate,
         totals=point.totals,
         horizon=Horizon.of_case(case),
-        notes=result.notes,
+        notes=[*result.notes, *trip_notes(program.case, point.tables)],
         seconds_by_phase=seconds,
         tables=point.tables,
         case=case,

@@ -28,6 +28,7 @@ _MORE_UNITS = {
     "line_closed": "1 where the line can carry power",
     "island": "number of the island a bus belongs to; 0 is dead",
     "on": "1 where a generator runs",
+    "trip": "1 where a generator stops as an outage begins in its island",
     "variables": "every variable of the model, as `ess.charge[ess1]`, in its own unit",
 }
 
@@ -132,7 +133,34 @@ def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, 
             labels = tuple(label for name in there for label in standard.labels(name))
             rows = np.concatenate([z[standard.columns(name)] for name in there])
             tables[table] = SlotTable(labels, rows)
-    return tables
+    return tables | _trips(program, z)
+
+
+def _trips(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
+    """Committed units that stop in a slot in which an outage begins in their island."""
+    fleets = [f for f in program.microgrid.fleets.values() if program.standard.has(str(f.running))]
+    labels: list[str] = []
+    stops = [np.empty((0, program.standard.tree.n), bool)]
+    for fleet in fleets:
+        name = str(fleet.running)
+        committed = program.standard.labels(name)
+        on = np.column_stack([program.x0[name], z[program.standard.columns(name)]]) > 0.5
+        bus = fleet.bus[[fleet.names.index(label) for label in committed]]
+        stops.append(on[:, :-1] & ~on[:, 1:] & program.situation.outage_begins[bus])
+        labels += committed
+    tripped = np.concatenate(stops).astype(float)
+    return {"trip": SlotTable(tuple(labels), tripped)} if tripped.any() else {}
+
+
+def trip_notes(case: Case, tables: dict[str, SlotTable]) -> list[str]:
+    """A sentence per unit and slot of a trip."""
+    if "trip" not in tables:
+        return []
+    table = tables["trip"]
+    return [
+        f"{table.labels[k]} trips at {case.slot_label(int(t))}, as an outage begins in its island"
+        for k, t in np.argwhere(table.values > 0.5)
+    ]
 
 
 def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:

@@ -33,7 +33,7 @@ def cut_off(**devices: Any) -> Case:
 @pytest.mark.parametrize("physics", ["copperplate", "lindistflow"])
 @pytest.mark.parametrize("method", ["lp", "milp"])
 def test_an_island_lives_on_its_generator_only_while_that_runs(method: str, physics: str) -> None:
-    """3 h of no-load at 40 $/h and 0.2 MWh each at 7 $/MWh; PV alone would serve all for nothing."""
+    """3 h of no-load at 40 $/h and 0.2 MWh each at 7 $/MWh; PV alone would cost nothing."""
     found = solved(cut_off(generator=[DIESEL]), method, physics)
     assert found.objective == pytest.approx(3 * (40.0 + 0.2 * 7.0))
     assert found["load.shed"].max() == pytest.approx(0.0, abs=1e-9)
@@ -88,7 +88,7 @@ def test_an_empty_storage_stays_dark_until_the_line_is_back(method: str) -> None
 
 @pytest.mark.parametrize("method", ["lp", "milp"])
 def test_the_last_thousandth_of_the_energy_keeps_the_sun_at_work(method: str) -> None:
-    """The load takes 0.9 MWh in the dark first hour; 0.1 % of 2.5 MWh has to stay for the second."""
+    """The load takes 0.9 MWh in the first hour; 0.1 % of 2.5 MWh has to stay for the second."""
     case = small_case(
         slots=3,
         buses=2,

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from resilience import solve
 from resilience.case import Case
 from resilience.testing import small_case
 from tests.known.solving import solved
@@ -43,6 +44,13 @@ def test_a_unit_too_large_for_its_island_trips(physics: str, unit: dict[str, Any
     found = solved(carried(unit, {"p_max_mw": 0.3}), "milp", physics)
     assert found["generator.on"][0] == pytest.approx([1, 1, 0, 0])
     assert found.objective == pytest.approx(2 * 1.9 * 7.0 + 2 * 1.6 * 20.0 + 2 * 0.3 * 300.0)
+
+
+def test_a_trip_is_reported() -> None:
+    unit = {"p_min_mw": 0.5, "min_up_h": 7.0, "initial_hours": 2.0}
+    plan = solve(carried(unit, {"p_max_mw": 0.3}), method="milp")
+    assert plan.tables["trip"]["generator1"].tolist() == [0.0, 0.0, 1.0, 0.0]
+    assert "generator1 trips at 02:00, as an outage begins in its island" in plan.notes
 
 
 def test_a_ramp_does_not_keep_power_up_that_nobody_takes() -> None:

@@ -61,7 +61,10 @@ def drawn(seed: int, *, committed: bool) -> Case:
         slots=SLOTS,
         buses=3,
         lines=[(1, 2, 0.011, 0.013), (2, 3, 0.017, 0.019)],
-        outages=[f"{line}@{a:02}:00-{b:02}:00" for line, (a, b) in zip(("1-2", "2-3"), spans)],
+        outages=[
+            f"{line}@{first:02}:00-{stop:02}:00"
+            for line, (first, stop) in zip(("1-2", "2-3"), spans, strict=True)
+        ],
         profiles={
             "sun": [some(0.0, 1.4) for _ in range(SLOTS)],
             "demand": [some(0.4, 1.3) for _ in range(SLOTS)],
@@ -112,7 +115,7 @@ class Rows:
         return float(found.fun)
 
 
-def optimum(case: Case) -> float:
+def optimum(case: Case) -> float:  # noqa: C901, PLR0912, PLR0915 one program, read in one go
     """The least cost: islands are listed slot by slot, each alive by a binary of its own."""
     model = Rows([], [], [], [], [])
     (store,), (diesel,), (grid,), (sun,) = case.ess, case.generator, case.grid, case.pv

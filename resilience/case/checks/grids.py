@@ -44,11 +44,11 @@ def _check_voltages(parts: Parts, grids: Placed, group: Ints) -> None:
     """Notes two voltages at one bus, or at buses that lines without impedance make one."""
     first: dict[int, tuple[Any, str]] = {}
     for grid, title, bus in grids:
-        other, other_title = first.setdefault(int(group[bus]), (grid, title))
-        if grid.v_pu is None or other.v_pu is None:
+        before, title_before = first.setdefault(int(group[bus]), (grid, title))
+        if grid.v_pu is None or before.v_pu is None:
             continue
-        if abs(grid.v_pu - other.v_pu) > INPUT_TOLERANCE:
-            value = f"{grid.v_pu:g}, where {other_title} at bus {other.bus} holds {other.v_pu:g}"
+        if abs(grid.v_pu - before.v_pu) > INPUT_TOLERANCE:
+            value = f"{grid.v_pu:g}, where {title_before} at bus {before.bus} holds {before.v_pu:g}"
             allowed, hint = "one voltage at one bus", "give both the same v_pu, or a bus each"
             where = ("grid", str(grid.name), "v_pu")
             parts.document.add(where, title, "v_pu", value, allowed, hint)
@@ -60,9 +60,11 @@ def _check_parallel(parts: Parts, grids: Placed, group: Ints) -> None:
     for entry in grids:
         together[int(group[entry[2]])].append(entry)
     for entries in together.values():
-        if len({bus for _, _, bus in entries}) > 1:
+        if len({place for _, _, place in entries}) > 1:
             grid, title, _ = entries[-1]
-            names = " and ".join(f"{other_title} ({other.bus})" for other, other_title, _ in entries)
+            names = " and ".join(
+                f"{other_title} ({other.bus})" for other, other_title, _ in entries
+            )
             allowed = "one bus with a grid per tree of closed lines"
             hint = (
                 "set parallel_grids = true in [network] if they may run in parallel, mark a line "

@@ -32,14 +32,14 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import ESSTable
 from resilience.models.algebra import Affine
-from resilience.models.components.base import AT_BUS, Injection, inverter
+from resilience.models.components.base import Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 from resilience.models.structures import Split
 
 FORMING_SHARE = 1e-3
-"""Of its capacity, that a storage has to hold above its lowest energy in order to form an island."""
+"""Of its capacity, what a storage has to hold above its lowest energy to form an island."""
 FORMING_TOLERANCE = 1e-6
 """Of its capacity: a storage so little below counts as one that holds it."""
 
@@ -113,8 +113,8 @@ class ESS(DeviceFleet):
     def has_energy(self, energy: Floats) -> Bools:
         """Whether what is stored exceeds the lowest energy by 0.1 % of the capacity."""
         size = self._array("e_mwh")
-        least = size * (self._array("soc_min") + FORMING_SHARE - FORMING_TOLERANCE)
-        return energy >= least[:, None]
+        needed_mwh = size * (self._array("soc_min") + FORMING_SHARE - FORMING_TOLERANCE)
+        return energy >= needed_mwh[:, None]
 
     def emit_forming(self, stage: Stage) -> None:
         """Declares which units form, by their energy at the start of the step."""
@@ -143,11 +143,13 @@ class ESS(DeviceFleet):
         """Energy `after` (units,) is enough at the end, or what lacks is paid for where it may."""
         units = self.ending
         names = [self.names[i] for i in units]
-        least = stage.data("ess.final_min", names, unit="MWh", about="least energy after the step")
-        most = stage.data("ess.final_lack_max", names, unit="MWh", about="lack that is allowed")
+        needed = stage.data("ess.final_min", names, unit="MWh", about="least energy after the step")
+        lack_max = stage.data("ess.final_lack_max", names, unit="MWh", about="lack allowed")
         price = stage.data("ess.final_price", names, unit="$/MWh", about="price of the lack")
-        lack = stage.var("ess.final_lack", names, 0.0, most, unit="MWh", about="lack at the end")
-        stage.le("ess.final", least - after[units], lack)
+        lack = stage.var(
+            "ess.final_lack", names, 0.0, lack_max, unit="MWh", about="lack at the end"
+        )
+        stage.le("ess.final", needed - after[units], lack)
         stage.cost("ess.final", lack, price)
 
     def _final_data(self, situation: Situation) -> dict[str, Floats]:

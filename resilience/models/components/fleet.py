@@ -175,7 +175,7 @@ class DeviceFleet(ABC):
         """Whether a device forms its island whatever is decided; never more than `forming`."""
         return self.forming()
 
-    def emit_forming(self, stage: Stage) -> None:
+    def emit_forming(self, stage: Stage) -> None:  # noqa: B027 most fleets have nothing to declare
         """Declares the variable `forms` where `emit` does not anyway; the fleet is emitted."""
 
     def has_energy(self, energy: Floats) -> Bools:

@@ -1,7 +1,7 @@
 r"""Which islands are alive where that depends on what is decided: a forming unit has to run.
 
-A cell is a set of buses that lines join which can neither fail nor be switched; an island is made of
-cells. A grid connection, or a generator that needs no commitment, forms its island whatever is
+A cell is a set of buses that lines join which can neither fail nor be switched; an island is made
+of cells. A grid connection, or a generator that needs no commitment, forms its island whatever is
 decided, and status of lines alone tells which islands are alive. Where a cell has no such unit, but
 one that forms only while it runs or while it has energy to give, the cell has a variable $a_c$:
 whether it is energised. The cells of an island are energised together, and only if a commodity
@@ -21,8 +21,8 @@ $$ \delta \phi_i \le e_i - \underline{s} E_i, \qquad
 \lambda_i \ge 1 - (e_i - \underline{s} E_i) / \delta, \qquad \phi_i \lambda_i = 0 $$
 
 with $e_i$ at the start of the step: it forms only with energy to give, $\delta$ at least.
-So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1. A plan may
-leave an island dark that could be alive, but not one with power that must be taken.
+So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1. A plan
+may leave an island dark that could be alive, but not one with power that must be taken.
 
 | symbol | name | unit |
 |---|---|---|

@@ -16,9 +16,9 @@ Minimum up and down times are hours still to wait, a state:
 $$ r' = \max\{r - \Delta t,\ (T^\uparrow - \Delta t)\, y,\ 0\}, \qquad r \le T^\uparrow u $$
 
 and alike for standing still with $w$ and $1 - u$. A unit in a dead island stands still, whatever
-it was doing. In the slot in which an outage begins in its island it may trip: neither its minimum up
-time nor its ramp keep it from going down, or off. What is left of the minimum up time lapses with a
-stop: $r - \Delta t - T^\uparrow w$ stands in place of $r - \Delta t$. Without minimum power,
+it was doing. In the slot in which an outage begins in its island it may trip: neither its minimum
+up time nor its ramp keep it from going down, or off. What is left of the minimum up time lapses
+with a stop: $r - \Delta t - T^\uparrow w$ stands in place of $r - \Delta t$. Without minimum power,
 no-load cost, start cost and minimum times there is no binary.
 
 | symbol | name | unit |

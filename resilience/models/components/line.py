@@ -10,12 +10,13 @@ $P - r\ell$ and $Q - x\ell$:
 
 $$ v_j = v_i - 2 (r P + x Q) + (r^2 + x^2)\,\ell + \sigma, \qquad \ell\, v_i = P^2 + Q^2 $$
 
-Parallel lines share what they carry as their impedances have it. With one voltage drop, and with one
-angle between their ends, $V_i (V_i - V_j)^* = (P + jQ)(r - jx)$ is the same for all of them:
+Parallel lines share what they carry as their impedances have it. With one voltage drop, and with
+one angle between their ends, $V_i (V_i - V_j)^* = (P + jQ)(r - jx)$ is the same for all of them:
 
 $$ r_1 Q_1 - x_1 P_1 = r_2 Q_2 - x_2 P_2 $$
 
 where both are up (with the other sign on the right if they point in opposite directions).
+
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
 switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
@@ -201,10 +202,10 @@ class Lines:
             return
         twist = q * self.r - p * self.x
         limit = 2.0 * self.flow_max * (self.r + self.x)
-        most = limit[first] + limit[second]
+        twist_max = limit[first] + limit[second]
         names = [self.names[k] for k in second]
         up = stage["line.up"]
-        free = (2.0 - up[first] - up[second]) * most
+        free = (2.0 - up[first] - up[second]) * twist_max
         gap = stage.var("line.twist", names, -free, free, unit="pu", about="angle if one is out")
         stage.eq("line.angle", twist[first] - twist[second] * sign - gap)
 
@@ -215,9 +216,9 @@ class Lines:
         pairs = []
         for k in np.flatnonzero(~self.switchable).tolist():
             ends = int(self.from_bus[k]), int(self.to_bus[k])
-            other = first.setdefault((min(ends), max(ends)), k)
-            if other != k:
-                pairs.append((other, k, 1.0 if self.from_bus[other] == ends[0] else -1.0))
+            lead = first.setdefault((min(ends), max(ends)), k)
+            if lead != k:
+                pairs.append((lead, k, 1.0 if self.from_bus[lead] == ends[0] else -1.0))
         table = np.array(pairs, float).reshape(len(pairs), 3)
         return table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2]
 

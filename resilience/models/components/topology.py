@@ -11,8 +11,8 @@ $$ \sum_l z_l + \sum_b \rho_b = \sum_b a_b, \qquad
 
 $N$ is 1.1 times the number of buses, which is all that a root ever feeds.
 Where grids may not be paralleled, $\rho_b = 1$ at each of them: a tree has one root.
-Where it is decided which islands are alive, $a_b$ is a variable, see `forming`, and so is the number of
-fixed lines that are links, `topology.link`.
+Where it is decided which islands are alive, $a_b$ is a variable, see `forming`, and so is the
+number of fixed lines that are links, `topology.link`.
 
 | symbol | name | unit |
 |---|---|---|
@@ -131,8 +131,8 @@ class Topology:
         up = self.lines.status(situation)
         settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
         first, second, _ = self.lines.parallel
-        for one, other in zip(first, second, strict=True):  # however many, they are one link
-            settled[one], settled[other] = np.maximum(settled[one], settled[other]), 0.0
+        for near, far in zip(first, second, strict=True):  # however many, they are one link
+            settled[near], settled[far] = np.maximum(settled[near], settled[far]), 0.0
         links = situation.alive.sum(0) - settled.sum(0)
         return {"topology.alive": situation.alive, "topology.links": links[None, :]}
 

@@ -228,17 +228,13 @@ class Stage:
         limits: tuple[ArrayLike, ArrayLike],
         *,
         parts: tuple[str, str] = ("pos", "neg"),
-        unit: str = "MW",
     ) -> tuple[Affine, Affine]:
         """Columns pos, neg >= 0 with pos * neg = 0: x = pos - neg gives |x|, max(x, 0), a mode.
 
         `bounds` of the two may be data; `limits` are the constants they never exceed.
         """
-        what = "power" if unit == "MW" else name
-        pos, neg = (
-            self.var(f"{name}.{part}", labels, 0.0, bound, unit=unit, about=f"{what}, {part}")
-            for part, bound in zip(parts, bounds, strict=True)
-        )
+        pos = self.var(f"{name}.{parts[0]}", labels, 0.0, bounds[0], about=f"power, {parts[0]}")
+        neg = self.var(f"{name}.{parts[1]}", labels, 0.0, bounds[1], about=f"power, {parts[1]}")
         constants = tuple(np.broadcast_to(np.asarray(x, float), (pos.n,)) for x in limits)
         self.structure(Split, name, (pos, neg), constants)
         return pos, neg

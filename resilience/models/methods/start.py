@@ -59,9 +59,7 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     return program.vectors.fixed(columns.ravel(), values.ravel())
 
 
-def _forest(
-    ends: Ints, order: Ints, closed: Bools, forming: Bools, separate: Bools
-) -> Bools:
+def _forest(ends: Ints, order: Ints, closed: Bools, forming: Bools, separate: Bools) -> Bools:
     """(lines,) a forest over the lines in `order`.
 
     Those that are `closed` join it where they close no cycle, others only where they join to a

@@ -58,7 +58,7 @@ class Situation:
     def _islands(self) -> tuple[Ints, Floats]:
         island, alive = self._known_islands.lookup(self.line_up)
         if self.forming_now is not None:
-            alive = reached(island, self.forming_now) * 1.0
+            return island, reached(island, self.forming_now).astype(np.float64)
         return island, alive
 
     @property
@@ -74,7 +74,6 @@ class Situation:
     def alive_at(self, bus: Ints) -> Floats:
         """(devices, nodes) `alive` of the buses where devices stand."""
         return self.alive[bus]
-
 
     @cached_property
     def outage_begins(self) -> Bools:
