@@ -63,7 +63,7 @@ def _check_parallel(parts: Parts, grids: Placed, group: Ints) -> None:
         if len({place for _, _, place in entries}) > 1:
             grid, title, _ = entries[-1]
             names = " and ".join(
-                f"{grid_title} ({other.bus})" for other, other_title, _ in entries
+                f"{table_title} ({table.bus})" for table, table_title, _ in entries
             )
             allowed = "one bus with a grid per tree of closed lines"
             hint = (
