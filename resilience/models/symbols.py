@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.models.components import Buses, Lines, Topology, fleet_classes
+from resilience.models.components import Buses, Energised, Lines, Topology, fleet_classes
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import FlowLimits
 
@@ -32,10 +32,14 @@ def showcase() -> Stage:
         losses=True,
     )
     Buses(("1", "2"), np.full(2, 0.9), np.full(2, 1.1)).emit(stage)
-    for fleet in fleet_classes():
-        fleet((fleet.showcase(),), bus).emit(stage)
+    fleets = tuple(fleet((fleet.showcase(),), bus) for fleet in fleet_classes())
+    for fleet in fleets:
+        fleet.emit(stage)
     lines.emit(stage)
-    Topology(lines, ("1", "2"), np.ones(2, bool)).emit(stage)
+    Topology(lines, ("1", "2"), np.ones(2, bool), np.zeros(2, bool)).emit(stage)
+    cells = Energised(("1", "2"), np.arange(2), np.zeros(2, bool), fleets, lines)
+    cells.emit(stage)
+    cells.connect(stage)
     return stage
 
 
