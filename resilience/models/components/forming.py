@@ -94,7 +94,10 @@ class Energised:
             return
         alive = stage[AT_BUS][fleet.bus[rows]]
         # What follows a profile may exceed its peak.
-        give, take = (MAX_PU * limit[rows] for limit in fleet.capacity())
+        lowest, highest = fleet.power_range()
+        feeds, takes = fleet.capacity()
+        give = MAX_PU * np.maximum(feeds, highest)[rows]
+        take = MAX_PU * np.maximum(takes, -lowest)[rows]
         sides: list[tuple[str, Affine | None]] = [("p", fed.p)]
         if fleet.reactive in stage:
             sides.append(("q", fed.q))
