@@ -201,7 +201,7 @@ class Lines:
         if not len(first):
             return
         twist = q * self.r - p * self.x
-        limit = 2.0 * self.flow_max * (self.r + self.x)
+        limit = 2.0 * np.maximum(*self._peaks[:2]) * (self.r + self.x)
         twist_max = limit[first] + limit[second]
         names = [self.names[k] for k in second]
         up = stage["line.up"]
