@@ -2,19 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from functools import wraps
+from typing import Literal, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.errors import UsageError
+from resilience.errors import ResilienceError, SolverError, UsageError
 from resilience.models.program.standard import Standard, Vectors, reach
 from resilience.models.structures import Structure
 from resilience.tolerances import CROSSED_BOUNDS_TOLERANCE
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def failures_named(solver: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Makes every foreign exception of what calls a solver's library a `SolverError` that names it.
+
+    Errors of this package pass, and so does what ends the program, as Ctrl-C does.
+
+    Args:
+        solver: its name, for people.
+    """
+
+    def named(call: Callable[P, R]) -> Callable[P, R]:
+        @wraps(call)
+        def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+            try:
+                return call(*args, **kwargs)
+            except ResilienceError:
+                raise
+            except Exception as error:
+                raise SolverError(
+                    f"{solver} failed: {type(error).__name__}: {error}",
+                    hint="report it with the case; another --method may do meanwhile",
+                ) from error
+
+        return guarded
+
+    return named
 
 
 @dataclass(frozen=True)

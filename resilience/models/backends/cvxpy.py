@@ -19,6 +19,7 @@ from resilience.models.backends.base import (
     Solution,
     Status,
     crossed,
+    failures_named,
     refuse_unknown,
 )
 from resilience.models.program.dual_bound import cone_share, safe_bound
@@ -86,6 +87,7 @@ class Conic:
         vectors = replace(v, row_lower=low, row_upper=np.append(v.row_upper, h))
         return sp.vstack([self.standard.a, g], format="csr"), vectors
 
+    @failures_named("Clarabel")
     def solve(self) -> Solution:
         """Solves the relaxation."""
         cp: Any = importlib.import_module("cvxpy")

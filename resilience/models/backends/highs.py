@@ -9,7 +9,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.models.backends.base import INFEASIBLE, NOTHING, Duals, LeafCuts, Solution, Status
+from resilience.models.backends.base import (
+    INFEASIBLE,
+    NOTHING,
+    Duals,
+    LeafCuts,
+    Solution,
+    Status,
+    failures_named,
+)
 from resilience.models.backends.highs_model import (
     LINEAR_OPTIONS,
     WARM_OPTIONS,
@@ -163,6 +171,7 @@ class Highs:
         columns = np.flatnonzero(self.standard.integer)
         self.model.set_start(columns, np.round(z[columns]))
 
+    @failures_named("HiGHS")
     def solve(self) -> Solution:
         """Solves; a MIP stopped by its limits returns its incumbent and its dual bound."""
         if np.isfinite(self.time_limit):
@@ -207,6 +216,7 @@ class Highs:
         v = self._with_extra_rows(self.lowered.vectors(self._sent))
         return safe_bound(self._matrix(), v, solution.duals.rows)
 
+    @failures_named("HiGHS")
     def conflict(self) -> list[str]:
         """Names of rows and columns that together admit no point; empty if none were found soon."""
         rows, columns = self.model.conflict(EXPLAIN_S)
@@ -216,6 +226,7 @@ class Highs:
         bounds = [f"bounds of {standard.column_name(j)}" for j in columns if j < standard.n_columns]
         return names + ([f"{unnamed} rating or mode rows"] if unnamed else []) + bounds
 
+    @failures_named("HiGHS")
     def missed(self, rows: Ints) -> list[str]:
         """Names of those of `rows` that have to be missed for all others to hold, the worst few."""
         penalty = np.full(self._matrix().shape[0], -1.0)

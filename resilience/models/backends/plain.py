@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
+from resilience.models.backends.base import failures_named
 from resilience.models.backends.highs_model import LINEAR_OPTIONS, HighsModel, RunStatus
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
@@ -42,6 +43,7 @@ class Plain:
         self.vectors.lower[columns], self.vectors.upper[columns] = lower, upper
         self._model.change_bounds(columns, lower, upper)
 
+    @failures_named("HiGHS")
     def solve(self) -> tuple[Floats, Floats] | None:
         """The optimal values (columns,) and multipliers (rows,), None where there is no point.
 

@@ -10,7 +10,13 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.models.backends.base import NOTHING, LeafCuts, Solution, refuse_unknown
+from resilience.models.backends.base import (
+    NOTHING,
+    LeafCuts,
+    Solution,
+    failures_named,
+    refuse_unknown,
+)
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import (
@@ -229,6 +235,7 @@ class Pyomo:
         """Solves with HiGHS or SCIP."""
         return self._highs() if self.solver == "highs" else self._scip()
 
+    @failures_named("HiGHS")
     def _highs(self) -> Solution:
         from pyomo.contrib.appsi.base import TerminationCondition as End
         from pyomo.contrib.appsi.solvers import Highs
@@ -263,6 +270,7 @@ class Pyomo:
         config.update_objective = changes
         config.treat_fixed_vars_as_params = changes
 
+    @failures_named("SCIP")
     def _scip(self) -> Solution:
         from pyomo.contrib.solver.common.factory import SolverFactory
         from pyomo.contrib.solver.common.results import TerminationCondition as End

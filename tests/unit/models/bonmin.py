@@ -45,9 +45,9 @@ def solve_apart(standard: Standard, vectors: Vectors, time_limit: float) -> Solu
         command = [sys.executable, __file__, str(request), str(answer)]
         try:
             subprocess.run(command, timeout=time_limit + 10.0, capture_output=True, check=True)
-        except (subprocess.TimeoutExpired, subprocess.CalledProcessError):
+            return pickle.loads(answer.read_bytes())
+        except (OSError, subprocess.SubprocessError):
             return NOTHING
-        return pickle.loads(answer.read_bytes())
 
 
 def _main(request: str, answer: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -50,4 +51,13 @@ def test_a_crash_is_no_answer(problem: CaseProgram, monkeypatch: pytest.MonkeyPa
         raise subprocess.CalledProcessError(-6, "bonmin")
 
     monkeypatch.setattr(subprocess, "run", crash)
+    assert bonmin.solve_apart(problem.standard, problem.vectors, 1.0).status == "none"
+
+
+def test_a_missing_program_or_answer_is_no_answer(
+    problem: CaseProgram, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    assert bonmin.solve_apart(problem.standard, problem.vectors, 1.0).status == "none"
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: None)
     assert bonmin.solve_apart(problem.standard, problem.vectors, 1.0).status == "none"
