@@ -77,7 +77,7 @@ def enumerated(case: Case) -> float:
         vectors = problem.vectors.fixed(on.ravel(), np.array(schedule))
         found = relaxation(problem, vectors)
         if found.z is not None and found.bound < best:
-            best = min(best, with_all_held(problem, found, vectors, 5.0).objective)
+            best = min(best, with_all_held(problem, found, vectors, lambda: 5.0).objective)
     return best
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -47,7 +48,7 @@ class NLP:
 
     Args:
         standard: the program.
-        time_limit: seconds per solve.
+        time_limit: seconds per solve, building included.
         penalty: see `Conic`.
     """
 
@@ -83,6 +84,7 @@ class NLP:
         """Solves to a local optimum; 'none' where Ipopt found no feasible point."""
         import casadi as ca
 
+        began = time.perf_counter()
         v, standard = self._cuts.with_futures_open(self.vectors), self.standard
         live = v.lower < v.upper
         point = np.where(live, 0.0, v.lower)
@@ -96,7 +98,10 @@ class NLP:
         rows, low, high = self._constraints(ca, z, v, point, live)
         cost = ca.dot(ca.DM(v.cost + self.penalty * standard.penalty), z)
         nlp = {"x": x, "p": now, "f": cost, "g": ca.vertcat(*rows)}
-        solver = ca.nlpsol("polish", self.plugin, nlp, self._options(free))
+        seconds = self.time_limit - (time.perf_counter() - began)
+        if seconds <= 0.0:
+            return NOTHING
+        solver = ca.nlpsol("polish", self.plugin, nlp, self._options(free, seconds))
         middle = np.clip(0.0, v.lower, v.upper) if self.start is None else self.start
         answer = solver(
             x0=middle[free],
@@ -113,7 +118,7 @@ class NLP:
         value = float(v.cost @ point + v.offset)
         return Solution("optimal", point, value, -np.inf, state_price=price)
 
-    def _options(self, free: Ints) -> dict[str, Any]:
+    def _options(self, free: Ints, seconds: float) -> dict[str, Any]:
         settings: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
@@ -123,8 +128,8 @@ class NLP:
             "bound_relax_factor": 0.0,
             "max_iter": 500,
         }
-        if np.isfinite(self.time_limit):
-            settings["max_wall_time"] = max(self.time_limit, 1.0)
+        if np.isfinite(seconds):
+            settings["max_wall_time"] = seconds
         if self.start is not None:
             settings |= WARM_START_OPTIONS
         return {"ipopt": settings, "print_time": False, "verbose_init": False}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import time
 import warnings
 from dataclasses import replace
 from typing import Any
@@ -36,6 +37,10 @@ from resilience.models.structures import (
 from resilience.tolerances import CONFLICT_TOLERANCE
 
 MAX_LISTED = 12  # rows that `conflict` names
+WITHOUT_POINT = {
+    "infeasible": INFEASIBLE,
+    "infeasible_inaccurate": replace(INFEASIBLE, bound=-np.inf),  # believed, not proven
+}
 
 
 class Conic:
@@ -46,6 +51,7 @@ class Conic:
 
     Args:
         standard: the program.
+        time_limit: seconds per solve, building included; what is found by then may be a bound only.
         penalty: weight of the program's penalty (losses) on top of the cost; it closes cones and
             takes no part in the objective, but voids the bound, which is then -inf.
         elastic: lets every row be missed at this price in $ per unit; for explanations.
@@ -56,9 +62,15 @@ class Conic:
     integers = False
 
     def __init__(
-        self, standard: Standard, *, penalty: float = 0.0, elastic: float | None = None
+        self,
+        standard: Standard,
+        *,
+        time_limit: float = np.inf,
+        penalty: float = 0.0,
+        elastic: float | None = None,
     ) -> None:
-        self.standard, self.penalty, self.elastic = standard, penalty, elastic
+        self.standard, self.time_limit = standard, time_limit
+        self.penalty, self.elastic = penalty, elastic
         refuse_unknown(standard, "the conic relaxation", self.exact | self.relaxed)
         self._second_order = standard.structures_of(SecondOrder)
         self._cuts = LeafCuts(standard)
@@ -91,6 +103,7 @@ class Conic:
     def solve(self) -> Solution:
         """Solves the relaxation."""
         cp: Any = importlib.import_module("cvxpy")
+        began = time.perf_counter()
         a, v = self._with_added_rows()
         if crossed(v):
             return INFEASIBLE
@@ -102,22 +115,35 @@ class Conic:
         if slack is not None:
             objective = self.elastic * cp.norm1(slack)
         program = cp.Problem(cp.Minimize(objective), constraints)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # cvxpy warns of inaccurate solutions; we certify them
-            try:
-                program.solve(solver=cp.CLARABEL)
-            except cp.error.SolverError:
-                return NOTHING
-        if program.status == "infeasible":
-            return INFEASIBLE
-        if program.status == "infeasible_inaccurate":
-            return replace(INFEASIBLE, bound=-np.inf)  # believed, not proven
-        if x.value is None:
+        answered = self._run(program, time.perf_counter() - began)
+        if program.status in WITHOUT_POINT:
+            return WITHOUT_POINT[program.status]
+        if not answered or x.value is None:
             return NOTHING
+        if program.status == "user_limit":
+            return self._stopped(a, v, constraints)
         z = fixed.copy()
         z[free] = np.clip(x.value, v.lower[free], v.upper[free])
         self.slack = None if slack is None else np.asarray(slack.value)
         return self._solution(a, v, z, constraints, program.status == "optimal")
+
+    def _run(self, program: Any, spent_s: float) -> bool:
+        """Compiles and solves in the time that is left; False where there is no answer."""
+        cp: Any = importlib.import_module("cvxpy")
+        began, limit = time.perf_counter() - spent_s, {}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cvxpy warns of inaccurate solutions; we certify them
+            if np.isfinite(self.time_limit):
+                program.get_problem_data(cp.CLARABEL)  # kept by the problem
+                seconds = self.time_limit - (time.perf_counter() - began)
+                if seconds <= 0.0:
+                    return False
+                limit["time_limit"] = seconds
+            try:
+                program.solve(solver=cp.CLARABEL, **limit)
+            except cp.error.SolverError:
+                return False
+        return True
 
     def _constraints(self, x: Any, free: Ints, fixed: Floats) -> tuple[list[Any], Any]:
         """Equations, inequalities, bounds and cones of the free columns; what rows may miss.
@@ -155,7 +181,25 @@ class Conic:
     def _solution(
         self, a: sp.csr_array, v: Vectors, z: Floats, constraints: list[Any], done: bool
     ) -> Solution:
-        standard = self.standard
+        duals = self._duals(v, constraints)
+        value = float(v.cost @ z + v.offset)
+        status: Status = "optimal" if done else "feasible"
+        if self.penalty or self.elastic is not None:
+            return Solution(status, z, value, -np.inf, duals)
+        slope, offset = cone_share(self.standard, duals.cones)
+        bound = safe_bound(a, v, duals.rows, slope, offset)
+        state_price = (v.cost + a.T @ duals.rows - slope)[: self.standard.n_states]
+        return Solution(status, z, value, bound, duals, state_price)
+
+    def _stopped(self, a: sp.csr_array, v: Vectors, constraints: list[Any]) -> Solution:
+        """What a solve was worth that its limit ended: no point holds yet, but a bound does."""
+        if self.penalty or self.elastic is not None:
+            return NOTHING
+        duals = self._duals(v, constraints)
+        slope, offset = cone_share(self.standard, duals.cones)
+        return replace(NOTHING, bound=safe_bound(a, v, duals.rows, slope, offset))
+
+    def _duals(self, v: Vectors, constraints: list[Any]) -> Duals:
         equal = np.isfinite(v.row_lower)
         rows = np.zeros(len(equal))
         rows[equal], rows[~equal] = (c.dual_value for c in constraints[:2])
@@ -163,14 +207,7 @@ class Conic:
         for k, constraint in zip(self._second_order, constraints[4:], strict=True):
             t, xs = constraint.dual_value
             cones[k] = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
-        value = float(v.cost @ z + v.offset)
-        status: Status = "optimal" if done else "feasible"
-        if self.penalty or self.elastic is not None:
-            return Solution(status, z, value, -np.inf, Duals(rows, cones))
-        slope, offset = cone_share(standard, cones)
-        bound = safe_bound(a, v, rows, slope, offset)
-        state_price = (v.cost + a.T @ rows - slope)[: standard.n_states]
-        return Solution(status, z, value, bound, Duals(rows, cones), state_price)
+        return Duals(rows, cones)
 
     def conflict(self) -> list[str]:
         """Names of the rows that an elastic solve misses, the worst first.
@@ -183,7 +220,7 @@ class Conic:
             return [
                 f"bounds of {self.standard.column_name(int(j))}" for j in tightest if room[j] < 0
             ]
-        trial = Conic(self.standard, elastic=1.0)
+        trial = Conic(self.standard, time_limit=self.time_limit, elastic=1.0)
         trial.update(self.vectors)
         if trial.solve().z is None or trial.slack is None:
             return []

@@ -217,9 +217,9 @@ class Highs:
         return safe_bound(self._matrix(), v, solution.duals.rows)
 
     @failures_named("HiGHS")
-    def conflict(self) -> list[str]:
+    def conflict(self, seconds: float = EXPLAIN_S) -> list[str]:
         """Names of rows and columns that together admit no point; empty if none were found soon."""
-        rows, columns = self.model.conflict(EXPLAIN_S)
+        rows, columns = self.model.conflict(seconds)
         n, standard = self.standard.n_rows, self.standard
         names = [standard.row_name(i) for i in rows if i < n]
         unnamed = sum(i >= n for i in rows)
@@ -227,11 +227,11 @@ class Highs:
         return names + ([f"{unnamed} rating or mode rows"] if unnamed else []) + bounds
 
     @failures_named("HiGHS")
-    def missed(self, rows: Ints) -> list[str]:
+    def missed(self, rows: Ints, seconds: float = EXPLAIN_S) -> list[str]:
         """Names of those of `rows` that have to be missed for all others to hold, the worst few."""
         penalty = np.full(self._matrix().shape[0], -1.0)
         penalty[rows] = 1.0
-        self.model.limit_time(EXPLAIN_S)
+        self.model.limit_time(seconds)
         self.model.set_options({"mip_rel_gap": 0.5})
         z = self.model.relaxed_point(penalty)[: self.standard.n_columns]
         if self._sent is None or len(z) < self.standard.n_columns:

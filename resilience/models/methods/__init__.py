@@ -10,17 +10,18 @@ from resilience.models.methods.conic import nlp, socp
 from resilience.models.methods.exact import exact
 from resilience.models.methods.linear import lp, milp
 from resilience.models.methods.minlp import minlp
+from resilience.models.methods.units import in_own_units
 from resilience.models.microgrid import Physics
 
 Method = Callable[[CaseProgram, MethodOptions], MethodResult]
 
 METHODS: dict[str, tuple[Method, Physics]] = {
-    "lp": (lp, "lindistflow"),
-    "milp": (milp, "lindistflow"),
-    "socp": (socp, "distflow"),
-    "nlp": (nlp, "distflow"),
-    "minlp": (minlp, "distflow"),
-    "exact": (exact, "distflow"),
+    "lp": (in_own_units(lp), "lindistflow"),
+    "milp": (in_own_units(milp), "lindistflow"),
+    "socp": (in_own_units(socp), "distflow"),
+    "nlp": (in_own_units(nlp), "distflow"),
+    "minlp": (in_own_units(minlp), "distflow"),
+    "exact": (in_own_units(exact), "distflow"),
 }
 """Each method with its default physics."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,12 +11,16 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import Solution, Status
 from resilience.models.case_program import CaseProgram
+from resilience.models.program import gate
 from resilience.models.program.referee import tightened
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Cone, Disc, Mode, Structure
 from resilience.tolerances import PLAN_GAP, RELAXATION_TOLERANCE
 
 OUT_OF_TIME = "the time limit ended the search; this is the best plan found"
+OUT_OF_ROUNDS = "the search ended after as many rounds as it may take; this is the best plan found"
+NOTHING_NEW = "the search found nothing more to try; this is the best plan found"
+GRACE_S = 1.0  # beyond the time limit, for a method that has nothing to show yet
 
 
 @dataclass(frozen=True)
@@ -26,10 +30,16 @@ class MethodOptions:
     Attributes:
         time_limit: seconds.
         gap: relative gap at which it may stop.
+        clock: seconds that have passed since some moment; for tests.
     """
 
     time_limit: float = 60.0
     gap: float = PLAN_GAP
+    clock: Callable[[], float] = time.perf_counter
+
+    def deadline(self) -> Deadline:
+        """The time limit, from now on."""
+        return Deadline(self.time_limit, self.clock)
 
 
 @dataclass
@@ -56,23 +66,37 @@ class MethodResult:
 
     @classmethod
     def from_solution(
-        cls, program: CaseProgram, solution: Solution, bound: float, notes: list[str]
+        cls,
+        program: CaseProgram,
+        solution: Solution,
+        bound: float,
+        wanted_gap: float,
+        reason: str,
+        notes: Sequence[str] = (),
     ) -> MethodResult:
-        """The point of a solution, tested for what it leaves relaxed.
+        """The point of a solution, tested for what it leaves relaxed, its status from its gap.
 
-        A bound that solver tolerances put a hair above the objective is lowered to it.
+        Args:
+            program: what it is a point of.
+            solution: with a point; what the solver calls it does not matter.
+            bound: proven, $.
+            wanted_gap: up to which it is optimal.
+            reason: why its gap is larger, if it is.
+            notes: what else the reader should know.
+
+        Raises:
+            CertificateError: the bound lies above the objective by more than rounding.
         """
-        objective = solution.objective
-        if bound - objective <= RELAXATION_TOLERANCE * (1.0 + abs(objective)):
-            bound = min(bound, objective)
+        reached = gate.gap(solution.objective, bound, gate.cost_scale(program.vectors))
+        status = gate.status_of(reached, wanted_gap)
         return cls(
-            status=solution.status,
+            status=status,
             z=solution.point,
-            objective=objective,
+            objective=solution.objective,
             bound=bound,
             bound_of=program.microgrid.physics,
             relaxed=broken_facts(program.standard, solution.point),
-            notes=notes,
+            notes=[*notes, *([] if status == "optimal" else [reason])],
         )
 
 
@@ -82,21 +106,37 @@ class Deadline:
 
     Attributes:
         limit_s: the limit, s.
+        clock: what it reads, s.
         began: reading of the clock when it was set, s.
     """
 
     limit_s: float
-    began: float = field(default_factory=time.perf_counter)
+    clock: Callable[[], float] = time.perf_counter
+    began: float = field(default=np.nan)
+
+    def __post_init__(self) -> None:
+        if np.isnan(self.began):
+            self.began = self.clock()
 
     @property
     def spent_s(self) -> float:
         """Seconds since it was set."""
-        return time.perf_counter() - self.began
+        return self.clock() - self.began
 
     @property
     def remaining_s(self) -> float:
-        """Seconds that remain, never negative."""
+        """Seconds that remain, never negative: for whatever improves an answer."""
         return max(self.limit_s - self.spent_s, 0.0)
+
+    @property
+    def final_s(self) -> float:
+        """Seconds to the hard stop, a grace later: for what a method cannot do without."""
+        return max(self.limit_s + GRACE_S - self.spent_s, 0.0)
+
+    @property
+    def late(self) -> bool:
+        """Whether nothing remains."""
+        return self.remaining_s <= 0
 
 
 def broken_modes(standard: Standard, z: Floats) -> dict[int, Bools]:

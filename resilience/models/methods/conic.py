@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from resilience.arrays import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
@@ -16,58 +20,77 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.methods.start import FALLBACK_S
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
+CLOSED_AT_A_PRICE = "cones were closed by a price on losses, which costs more than the bound"
+LOCAL = "Ipopt finds a local optimum, and the bound is that of the relaxation; minlp searches on"
 
 
-def root(program: CaseProgram, options: MethodOptions) -> Solution:
+def root(program: CaseProgram, options: MethodOptions, deadline: Deadline) -> Solution:
     """The SOCP with modes and integers relaxed, and its proven bound.
 
     Raises:
         InfeasibleError: naming what is in conflict.
-        SolverError: Clarabel gave up.
+        SolverError: Clarabel gave up, or found no time.
     """
     with phase("conic relaxation"):
-        solution = relaxation(program, program.vectors)
+        solution = relaxation(program, program.vectors, seconds=deadline.final_s)
     if solution.status == "infeasible":
         raise infeasible(program)
     if solution.z is None:
-        raise no_plan(program, "the conic relaxation", options)
+        raise no_plan(program, "the conic relaxation", options, late=deadline.late)
     return solution
 
 
-def relaxation(program: CaseProgram, vectors: Vectors, penalty: float = 0.0) -> Solution:
-    """The SOCP for these vectors; a price on losses closes cones but voids the bound."""
-    solver = Conic(program.standard, penalty=penalty)
+def relaxation(
+    program: CaseProgram, vectors: Vectors, *, seconds: float = np.inf, penalty: float = 0.0
+) -> Solution:
+    """The SOCP for these vectors; a price on losses closes cones but voids the bound.
+
+    Nothing where no seconds are left for it.
+    """
+    if seconds <= 0.0:
+        return NOTHING
+    solver = Conic(program.standard, penalty=penalty, time_limit=seconds)
     solver.update(vectors)
     return solver.solve()
 
 
-def with_cones_closed(program: CaseProgram, relaxed: Solution, vectors: Vectors) -> Solution:
+def with_cones_closed(
+    program: CaseProgram, relaxed: Solution, vectors: Vectors, seconds: Callable[[], float]
+) -> Solution:
     """The relaxation's point if its cones are closed, else one with a slight price on losses.
 
     Where even that leaves cones open, the point whose cones are least open is returned.
+
+    Args:
+        program: what it is a point of.
+        relaxed: the relaxation's solution for `vectors`.
+        vectors: the numbers.
+        seconds: says how many are left.
     """
     best, width = relaxed, worst_violation(program.standard, relaxed.point)
     for penalty in PENALTIES:
         if width <= RELAXATION_TOLERANCE:
             break
         with phase("conic program", f"losses priced at {penalty:g} $/MW"):
-            trial = relaxation(program, vectors, penalty)
+            trial = relaxation(program, vectors, seconds=seconds(), penalty=penalty)
         if trial.z is not None and worst_violation(program.standard, trial.z) < width:
             best, width = trial, worst_violation(program.standard, trial.z)
     return best
 
 
-def ac_point(program: CaseProgram, start: Floats, vectors: Vectors, seconds: float) -> Solution:
+def ac_point(
+    program: CaseProgram, start: Floats, vectors: Vectors, seconds: Callable[[], float]
+) -> Solution:
     """The AC equations solved from `start`; a cold penalised start is tried where that fails."""
-    deadline = Deadline(seconds)
     for penalty in (0.0, PENALTIES[0]):
-        time_limit = max(deadline.remaining_s, FALLBACK_S)
+        time_limit = seconds()
+        if time_limit <= 0.0:
+            break
         solver = NLP(program.standard, time_limit=time_limit, penalty=penalty)
         solver.update(vectors)
         if not penalty:
@@ -87,20 +110,20 @@ def with_modes_held(program: CaseProgram, solution: Solution, vectors: Vectors) 
 
 
 def with_all_held(
-    program: CaseProgram, relaxed: Solution, vectors: Vectors, seconds: float
+    program: CaseProgram, relaxed: Solution, vectors: Vectors, seconds: Callable[[], float]
 ) -> Solution:
     """From a point of the relaxation to one that holds every mode and cone, or nothing.
 
-    Integers are as `vectors` hold them. `seconds` limit the AC equations, if they are needed.
+    Integers are as `vectors` hold them; `seconds` says how many are left.
     """
     standard = program.standard
-    solution = with_cones_closed(program, relaxed, vectors)
+    solution = with_cones_closed(program, relaxed, vectors, seconds)
     one_mode = with_modes_held(program, solution, vectors)
     if one_mode is not vectors:
-        solution = relaxation(program, one_mode)
+        solution = relaxation(program, one_mode, seconds=seconds())
         if solution.z is None:
             return NOTHING
-        solution = with_cones_closed(program, solution, one_mode)
+        solution = with_cones_closed(program, solution, one_mode, seconds)
     if worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
         solution = ac_point(program, solution.point, one_mode, seconds)
     if solution.z is None or broken_modes(standard, solution.z):
@@ -110,18 +133,19 @@ def with_all_held(
 
 def socp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Cones as u v >= sum(x^2), modes and integers relaxed: a bound, and often a plan."""
-    relaxed = root(program, options)
-    best = with_cones_closed(program, relaxed, program.vectors)
-    return MethodResult.from_solution(program, best, relaxed.bound, [])
+    deadline = options.deadline()
+    relaxed = root(program, options, deadline)
+    best = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
+    return MethodResult.from_solution(program, best, relaxed.bound, options.gap, CLOSED_AT_A_PRICE)
 
 
 def nlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """The AC equations exactly, integers relaxed; broken modes are held to their larger side."""
-    deadline = Deadline(options.time_limit)
-    relaxed = root(program, options)
-    start = with_cones_closed(program, relaxed, program.vectors)
+    deadline = options.deadline()
+    relaxed = root(program, options, deadline)
+    start = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
     vectors = with_modes_held(program, start, program.vectors)
-    polished = ac_point(program, start.point, vectors, deadline.remaining_s)
+    polished = ac_point(program, start.point, vectors, lambda: deadline.final_s)
     if polished.z is None:
-        raise no_plan(program, "Ipopt", options, late=deadline.remaining_s <= 0)
-    return MethodResult.from_solution(program, polished, relaxed.bound, [])
+        raise no_plan(program, "Ipopt", options, late=deadline.late)
+    return MethodResult.from_solution(program, polished, relaxed.bound, options.gap, LOCAL)

@@ -3,31 +3,32 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from resilience.arrays import Bools
 from resilience.errors import UsageError
-from resilience.models.backends.base import NOTHING, Solution, Status
+from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
+    NOTHING_NEW,
     OUT_OF_TIME,
     Deadline,
     MethodOptions,
     MethodResult,
+    broken_facts,
     broken_modes,
-    gap,
     idle_columns,
     with_integers_held,
-    worst_violation,
 )
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.program.gate import cost_scale, gap
 from resilience.progress import phase
-from resilience.tolerances import EXACT_GAP, RELAXATION_TOLERANCE
+from resilience.tolerances import EXACT_GAP
 
 
 @dataclass
@@ -51,7 +52,13 @@ class ScipSearch:
     @property
     def done(self) -> bool:
         """Whether the best plan is proven, or time is up."""
-        return gap(self.best.objective, self.bound) <= EXACT_GAP or self.deadline.remaining_s <= 0
+        scale = cost_scale(self.program.vectors)
+        return gap(self.best.objective, self.bound, scale) <= EXACT_GAP or self.deadline.late
+
+    def seconds(self) -> float:
+        """Seconds for one more solve: to the hard stop as long as there is nothing to show."""
+        deadline = self.deadline
+        return deadline.final_s if self.best.z is None else deadline.remaining_s
 
     def offer(self, plan: Solution) -> None:
         """Keeps a plan that is better than the best."""
@@ -77,20 +84,19 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
             "method 'exact' needs SCIP, which is not installed",
             hint='pip install "resilience[exact]"',
         )
-    search = ScipSearch(program, Deadline(options.time_limit))
+    search = ScipSearch(program, options.deadline())
     while _held_more_modes(search):
         pass
     if not search.done:
         with phase("SCIP", "AC equations"):
             strict = _scip(search, Pyomo(program.standard, solver="scip", gap=EXACT_GAP / 2))
         search.bound = max(search.bound, strict.bound)
-        search.offer(strict)
+        if strict.z is not None and not broken_facts(program.standard, strict.z):
+            search.offer(strict)
     if search.best.z is None:
-        raise no_plan(program, "SCIP", options)
-    proven = gap(search.best.objective, search.bound) <= EXACT_GAP
-    status: Status = "optimal" if proven else "feasible"
-    best = replace(search.best, status=status)
-    return MethodResult.from_solution(program, best, search.bound, [] if proven else [OUT_OF_TIME])
+        raise no_plan(program, "SCIP", options, late=search.deadline.late)
+    reason = OUT_OF_TIME if search.deadline.late else NOTHING_NEW
+    return MethodResult.from_solution(program, search.best, search.bound, EXACT_GAP, reason)
 
 
 def _held_more_modes(search: ScipSearch) -> bool:
@@ -103,7 +109,7 @@ def _held_more_modes(search: ScipSearch) -> bool:
             relaxed = _scip(search, solver)
     else:
         with phase("conic relaxation"):
-            relaxed = relaxation(search.program, search.program.vectors)
+            relaxed = relaxation(search.program, search.program.vectors, seconds=search.seconds())
     if relaxed.status == "infeasible":
         raise infeasible(search.program)
     search.bound = max(search.bound, relaxed.bound)
@@ -119,8 +125,10 @@ def _held_more_modes(search: ScipSearch) -> bool:
 
 
 def _scip(search: ScipSearch, solver: Pyomo) -> Solution:
-    solver.time_limit = max(search.deadline.remaining_s, 1.0)
     solver.update(search.program.vectors)
+    solver.time_limit = search.seconds()
+    if solver.time_limit <= 0.0:
+        return NOTHING
     solution = solver.solve()
     if solution.status == "infeasible":
         raise infeasible(search.program)
@@ -132,9 +140,8 @@ def _plan(search: ScipSearch, relaxed: Solution) -> Solution:
     program, standard, z = search.program, search.program.standard, relaxed.point
     vectors = with_integers_held(program, z).fixed(*idle_columns(standard, z, search.modes))
     with phase("conic program"):
-        point = relaxation(program, vectors)
+        point = relaxation(program, vectors, seconds=search.seconds())
     best = NOTHING
     if point.z is not None:
-        best = with_all_held(program, point, vectors, search.deadline.remaining_s)
-    closed = worst_violation(standard, z) <= RELAXATION_TOLERANCE
-    return relaxed if best.z is None and closed and not broken_modes(standard, z) else best
+        best = with_all_held(program, point, vectors, search.seconds)
+    return relaxed if best.z is None and not broken_facts(standard, z) else best

@@ -11,36 +11,41 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram, horizon
-from resilience.models.methods.answer import MethodOptions
+from resilience.models.methods.answer import Deadline, MethodOptions
+from resilience.models.structures import Cone
 
 PHYSICAL_ROWS = ("balance.p", "balance.q", "line.voltage")
-SEARCH_S = 10.0  # for each of the two searches
+EXPLANATION_S = 10.0  # for all searches behind one error together
 MAX_LISTED = 8  # groups of conflicting rows in an error
 
 
 def infeasible(program: CaseProgram, names: Sequence[str] = ()) -> InfeasibleError:
     """The error for a problem that is known to have no plan, `names` being in conflict."""
-    return _named(program, names or _linear_conflict(program) or _conic_conflict(program))
+    deadline = Deadline(EXPLANATION_S)
+    found = names or _linear_conflict(program, deadline) or _conic_conflict(program, deadline)
+    return _named(program, found)
 
 
 def no_plan(
-    program: CaseProgram, solver: str, options: MethodOptions, *, late: bool = True
+    program: CaseProgram, solver: str, options: MethodOptions, *, late: bool
 ) -> ResilienceError:
     """The error where a solver, named in words, ended without a plan.
 
-    Infeasible if that can be proven, else what conflicts in the model without losses, else out of
-    time (`late`).
+    Out of time (`late`), which is not spent on explanations. Otherwise infeasible if that can be
+    proven, else what conflicts in the model without losses.
     """
-    names = _linear_conflict(program)
-    if names:
-        return _named(program, names)
-    lossless = grouped(_linear_conflict(horizon(program.case, "lindistflow")))
-    also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
-    if late and not lossless:
+    if late:
+        linear = not program.standard.structures_of(Cone)
         return SolverError(
             f"{solver} found no plan within {options.time_limit:g} s",
-            hint="raise --time-limit or use --method lp",
+            hint="raise --time-limit" + ("" if linear else " or use --method lp"),
         )
+    deadline = Deadline(EXPLANATION_S)
+    names = _linear_conflict(program, deadline)
+    if names:
+        return _named(program, names)
+    lossless = grouped(_linear_conflict(horizon(program.case, "lindistflow"), deadline))
+    also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
     return SolverError(
         f"{solver} found no plan, though the cone relaxation has one{also}",
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
@@ -86,29 +91,33 @@ def grouped(names: Sequence[str]) -> list[str]:
     return groups
 
 
-def conflict(program: CaseProgram, solver: Highs) -> list[str]:
+def conflict(program: CaseProgram, solver: Highs, seconds: float = EXPLANATION_S) -> list[str]:
     """Names of what conflicts where `solver` found no point: rows and bounds that exclude each
     other, or else the balances and voltages that have to be missed.
     """
     standard = program.standard
     physical = [row.name for row in standard.form.stage.rows if row.name in PHYSICAL_ROWS]
     rows = np.concatenate([standard.rows(name).ravel() for name in physical])
-    return solver.conflict() or solver.missed(rows)
+    return solver.conflict(seconds / 2) or solver.missed(rows, seconds / 2)
 
 
-def _linear_conflict(program: CaseProgram) -> list[str]:
+def _linear_conflict(program: CaseProgram, deadline: Deadline) -> list[str]:
     """What conflicts without the cones: all relaxed, else with integers and modes held."""
     standard = program.standard
     relaxed = lower(standard, integer="none", modes={}, discs="outer")
     for lowered in (relaxed, lower(standard, discs="outer")):
-        solver = Highs(lowered, time_limit=SEARCH_S)
+        if deadline.late:
+            break
+        solver = Highs(lowered, time_limit=deadline.remaining_s)
         solver.update(program.vectors)
         if solver.solve().status == "infeasible":
-            return conflict(program, solver)
+            return conflict(program, solver, deadline.remaining_s)
     return []
 
 
-def _conic_conflict(program: CaseProgram) -> list[str]:
-    solver = Conic(program.standard)
+def _conic_conflict(program: CaseProgram, deadline: Deadline) -> list[str]:
+    if deadline.late:
+        return []
+    solver = Conic(program.standard, time_limit=deadline.remaining_s)
     solver.update(program.vectors)
     return solver.conflict()

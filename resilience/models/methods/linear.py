@@ -10,25 +10,28 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats
 from resilience.errors import UsageError
-from resilience.models.backends.base import NOTHING, Solution, Status
+from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
+    NOTHING_NEW,
+    OUT_OF_ROUNDS,
     OUT_OF_TIME,
     Deadline,
     MethodOptions,
     MethodResult,
     broken_modes,
     fractional,
-    gap,
     idle_columns,
     with_integers_held,
     worst_violation,
 )
+from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import conflict, infeasible, no_plan
 from resilience.models.methods.start import any_point, has_switches, with_switches_held
 from resilience.models.methods.tidy import with_least_circulation
+from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Cone, Disc, Discs
 from resilience.progress import phase
@@ -36,6 +39,7 @@ from resilience.tolerances import RELAXATION_TOLERANCE
 
 Rows = tuple[sp.csr_array, Floats]
 MAX_ROUNDS = 30  # tangents alone converge in about nine
+START_SHARE = 0.25  # of the time that remains, for a first point without switching
 
 
 @dataclass
@@ -62,28 +66,39 @@ class LinearSearch:
     best: Solution = NOTHING
     rows: list[Rows] = field(default_factory=list)
 
+    def gap_of(self, plan: Solution) -> float:
+        """Relative gap of a plan; inf without one."""
+        return gap(plan.objective, self.bound, cost_scale(self.program.vectors))
+
     @property
     def gap(self) -> float:
         """Relative gap of the best plan."""
-        return gap(self.best.objective, self.bound)
+        return self.gap_of(self.best)
 
     @property
-    def late(self) -> bool:
-        """Whether time is up."""
-        return self.deadline.remaining_s <= 0
+    def seconds(self) -> float:
+        """Seconds for one more solve: to the hard stop as long as there is nothing to show."""
+        deadline = self.deadline
+        return deadline.final_s if self.best.z is None else deadline.remaining_s
 
-    def solver(self, vectors: Vectors, discs: Discs = "outer", share: float = 1.0) -> Highs:
-        """HiGHS with what is held so far and a share of the time that remains."""
+    def solver(self, vectors: Vectors, discs: Discs = "outer") -> Highs:
+        """HiGHS with what is held so far; it has yet to be told its time."""
         standard = self.program.standard
         lowered = lower(standard, integer=self.integer, modes=self.modes, discs=discs)
-        seconds = max(share * self.deadline.remaining_s, 1.0)
         rows = None
         if discs == "outer" and self.rows:
             blocks, right = zip(*self.rows, strict=True)
             rows = sp.vstack(blocks, format="csr"), np.concatenate(right)
-        solver = Highs(lowered, rows=rows, time_limit=seconds, gap=self.options.gap / 2)
+        solver = Highs(lowered, rows=rows, gap=self.options.gap / 2)
         solver.update(vectors)
         return solver
+
+    def solve(self, solver: Highs, seconds: float) -> Solution:
+        """What a solver finds in that many seconds; nothing where none are left."""
+        if seconds <= 0.0:
+            return NOTHING
+        solver.time_limit = seconds
+        return solver.solve()
 
     def hold(self, z: Floats, broken: dict[int, Bools]) -> bool:
         """Holds from now on what z breaks; False when there is nothing new to hold."""
@@ -117,53 +132,70 @@ def _solve(
             "linear methods cannot hold the cones of distflow; allowed: copperplate, lindistflow",
             hint="use --method socp, nlp, minlp or exact with --physics distflow",
         )
-    search = LinearSearch(program, options, Deadline(options.time_limit), integer)
+    search = LinearSearch(program, options, options.deadline(), integer)
     if integer == "all" and standard.integer.any():
         with phase("linear program", "bound"):
             search.bound = _relaxed_bound(search)
+    relaxed, reason = NOTHING, OUT_OF_ROUNDS
     for k in range(MAX_ROUNDS):
         with phase("linear program", f"round {k + 1}"):
-            relaxed = _relaxed(search)
+            found = _relaxed(search)
+            if found.z is None:
+                reason = OUT_OF_TIME
+                break
+            relaxed = found
             broken = broken_modes(standard, relaxed.point)
             plan = _plan(search, relaxed, broken)
         if plan.objective < search.best.objective:
             search.best = plan
-        enough = search.gap <= options.gap or (search.late and search.best.z is not None)
-        if enough or not search.hold(relaxed.point, broken):
+        if search.gap <= options.gap:
             break
-    return _answer(search, relaxed)
+        if search.deadline.late:
+            reason = OUT_OF_TIME
+            break
+        if not search.hold(relaxed.point, broken):
+            reason = NOTHING_NEW
+            break
+    if search.best.z is None and search.deadline.late:
+        search.best = _any_plan(search)
+    return _answer(search, relaxed, reason)
 
 
 def _relaxed_bound(search: LinearSearch) -> float:
     """The bound of the linear relaxation, for a tree search that ends without a better one."""
     relaxed = replace(search, integer="none", modes={})
     solver = relaxed.solver(search.program.vectors)
-    return solver.certified_bound(solver.solve())
+    return solver.certified_bound(search.solve(solver, search.seconds))
 
 
 def _relaxed(search: LinearSearch) -> Solution:
-    """The optimum of what is held so far with polygons around the discs; its bound is kept."""
+    """The optimum of what is held so far with polygons around the discs; its bound is kept.
+
+    Nothing where time ended the search for it.
+    """
     program = search.program
     solver = search.solver(program.vectors)
     if solver.is_mip and has_switches(program):
-        unswitched = search.solver(with_switches_held(program), share=0.25).solve()
+        seconds = START_SHARE * search.deadline.remaining_s
+        unswitched = search.solve(search.solver(with_switches_held(program)), seconds)
         if unswitched.z is not None:
             solver.start_from(unswitched.z)
-    relaxed = solver.solve()
+    seconds = search.deadline.remaining_s if solver.is_mip else search.seconds
+    relaxed = search.solve(solver, seconds)
     if relaxed.status == "infeasible":
         raise infeasible(program, conflict(program, solver))
     bound = relaxed.bound if solver.is_mip else solver.certified_bound(relaxed)
     search.bound = max(search.bound, bound)
-    if relaxed.z is None and solver.is_mip:
-        relaxed = any_point(program, solver.lowered)
-    if relaxed.z is None:
-        raise no_plan(program, "HiGHS", search.options)
+    if relaxed.z is None and not search.deadline.late:
+        raise no_plan(program, "HiGHS", search.options, late=False)
     return relaxed
 
 
 def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> Solution:
     """A point that holds everything: the relaxed one if it does, else the best with its integers
     and modes and with polygons within the discs, else the best within them, else nothing.
+
+    Where polygons within the discs cost more than the gap, the discs themselves are held, as cones.
     """
     program, standard, z = search.program, search.program.standard, relaxed.point
     if fractional(standard, z).any():
@@ -174,26 +206,39 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
     vectors = with_integers_held(program, z)
     for modes in (search.modes, broken):
         vectors = vectors.fixed(*idle_columns(standard, z, modes))
-    plan = search.solver(vectors, "inner").solve()
+    plan = search.solve(search.solver(vectors, "inner"), search.seconds)
     if plan.z is None and exceeded and not broken:
-        plan = search.solver(program.vectors, "inner").solve()
-    sound = plan.z is not None and not broken_modes(standard, plan.z)
-    return replace(plan, status=relaxed.status) if sound else NOTHING
+        plan = search.solve(search.solver(program.vectors, "inner"), search.seconds)
+    if plan.z is None or broken_modes(standard, plan.z):
+        plan = NOTHING
+    if exceeded and search.gap_of(plan) > search.options.gap and search.seconds > 0.0:
+        on_discs = relaxation(program, vectors, seconds=search.seconds)
+        if on_discs.z is not None:
+            held = with_all_held(program, on_discs, vectors, lambda: search.seconds)
+            plan = min(plan, held, key=lambda solution: solution.objective)
+    return plan
 
 
-def _answer(search: LinearSearch, relaxed: Solution) -> MethodResult:
-    notes, options = [], search.options
+def _any_plan(search: LinearSearch) -> Solution:
+    """Where time is up and nothing was found: any point that holds everything, or nothing."""
+    with phase("linear program", "any plan"):
+        lowered = lower(search.program.standard, discs="inner")
+        return any_point(search.program, lowered, search.deadline.final_s)
+
+
+def _answer(search: LinearSearch, relaxed: Solution, reason: str) -> MethodResult:
     best = relaxed if search.best.z is None else search.best
+    if best.z is None:
+        raise no_plan(search.program, "HiGHS", search.options, late=True)
+    notes = []
     if search.modes:
         number = sum(int(elements.sum()) for elements in search.modes.values())
         notes.append(f"{number} mode binaries were needed")
-    if search.gap > options.gap:
-        notes.append(OUT_OF_TIME)
-    status: Status = "optimal" if search.gap <= options.gap else "feasible"
     with phase("tie-break"):
-        best = with_least_circulation(search.program, best)
-    best = replace(best, status=status)
-    return MethodResult.from_solution(search.program, best, search.bound, notes)
+        best = with_least_circulation(search.program, best, search.deadline.final_s / 2)
+    return MethodResult.from_solution(
+        search.program, best, search.bound, search.options.gap, reason, notes
+    )
 
 
 def _disc_tangents(standard: Standard, z: Floats) -> list[Rows]:

@@ -15,7 +15,7 @@ The price on losses that closes cones is used for plans only, never for bounds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,18 +26,21 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
+    NOTHING_NEW,
+    OUT_OF_ROUNDS,
+    OUT_OF_TIME,
     Deadline,
     MethodOptions,
     MethodResult,
     broken_modes,
     fractional,
-    gap,
     idle_columns,
     with_integers_held,
 )
 from resilience.models.methods.conic import relaxation, root, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
+from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
@@ -70,20 +73,25 @@ class ConicSearch:
     modes: dict[int, Bools] = field(default_factory=dict)
     rows: list[tuple[sp.csr_array, Floats]] = field(default_factory=list)
 
+    def gap_of(self, plan: Solution, bound: float | None = None) -> float:
+        """Relative gap of a plan to a bound, that of the whole if omitted; inf without a plan."""
+        known = self.bound if bound is None else bound
+        return gap(plan.objective, known, cost_scale(self.program.vectors))
+
     @property
     def gap(self) -> float:
         """Relative gap of the best plan."""
-        return np.inf if self.best.z is None else gap(self.best.objective, self.bound)
+        return self.gap_of(self.best)
 
     @property
     def done(self) -> bool:
-        """Whether the gap wanted is reached, or time is up and there is a plan."""
-        return self.gap <= self.options.gap or (self.late and self.best.z is not None)
+        """Whether the gap wanted is reached, or time is up."""
+        return self.gap <= self.options.gap or self.deadline.late
 
-    @property
-    def late(self) -> bool:
-        """Whether time is up."""
-        return self.deadline.remaining_s <= 0
+    def seconds(self) -> float:
+        """Seconds for one more solve: to the hard stop as long as there is nothing to show."""
+        deadline = self.deadline
+        return deadline.final_s if self.best.z is None else deadline.remaining_s
 
     @property
     def n_modes(self) -> int:
@@ -113,20 +121,27 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
         InfeasibleError: naming what is in conflict.
         SolverError: no plan was found in time.
     """
-    search = ConicSearch(program, options, Deadline(options.time_limit))
-    first = root(program, options)
+    search = ConicSearch(program, options, options.deadline())
+    first = root(program, options, search.deadline)
     search.bound = first.bound
     search.rows.append(tangents(program.standard, first.point))
     if fractional(program.standard, first.point).any():
         _start(search)
     else:
         _plan(search, first, with_integers_held(program, first.point), first.point)
+    reason = OUT_OF_ROUNDS
     for k in range(MAX_ROUNDS):
-        if search.done or (k and search.late) or not _round(search, k + 1):
+        if search.done:
             break
+        if not _round(search, k + 1):
+            reason = NOTHING_NEW
+            break
+    late = search.deadline.late
     if search.best.z is None:
-        raise no_plan(program, "minlp", options, late=search.late)
-    return _answer(search)
+        raise no_plan(program, "minlp", options, late=late)
+    return MethodResult.from_solution(
+        program, search.best, search.bound, options.gap, OUT_OF_TIME if late else reason
+    )
 
 
 def _start(search: ConicSearch) -> None:
@@ -134,14 +149,14 @@ def _start(search: ConicSearch) -> None:
     program = search.program
     with phase("commitment", "any"):
         lowered = lower(program.standard, modes={}, discs="outer")
-        chosen = any_point(program, lowered)
+        chosen = any_point(program, lowered, search.seconds())
     if chosen.status == "infeasible":
         raise infeasible(program)
     if chosen.z is None:
         return
     vectors = with_integers_held(program, chosen.point)
     with phase("conic program"):
-        relaxed = relaxation(program, vectors)
+        relaxed = relaxation(program, vectors, seconds=search.seconds())
     if relaxed.z is not None:
         _plan(search, relaxed, vectors, chosen.point)
 
@@ -164,7 +179,9 @@ def _commitment(search: ConicSearch) -> Solution:
     lowered = lower(search.program.standard, modes=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
     h = np.concatenate([right for _, right in search.rows])
-    seconds = max(MILP_SHARE * search.deadline.remaining_s, 1.0)
+    seconds = MILP_SHARE * search.deadline.remaining_s
+    if seconds <= 0.0:
+        return NOTHING
     solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
     solver.update(search.program.vectors)
     return solver.solve()
@@ -185,7 +202,7 @@ def _try(search: ConicSearch, master: Solution) -> bool:
     search.rows.append(tangents(standard, master.point, -RELAXATION_TOLERANCE))
     vectors = with_integers_held(program, master.point)
     with phase("conic program"):
-        relaxed = relaxation(program, vectors)
+        relaxed = relaxation(program, vectors, seconds=search.seconds())
     if relaxed.z is not None:
         search.rows.append(tangents(standard, relaxed.point))
         _plan(search, relaxed, vectors, master.point)
@@ -205,23 +222,12 @@ def _plan(search: ConicSearch, relaxed: Solution, vectors: Vectors, z: Floats) -
     point = relaxed
     if search.modes:
         vectors = vectors.fixed(*idle_columns(standard, z, search.modes))
-        point = relaxation(program, vectors)
+        point = relaxation(program, vectors, seconds=search.seconds())
     plan = NOTHING
     if point.z is not None:
-        plan = with_all_held(program, point, vectors, search.deadline.remaining_s)
-    if gap(plan.objective, relaxed.bound) > search.options.gap / 2:
+        plan = with_all_held(program, point, vectors, search.seconds)
+    if search.gap_of(plan, relaxed.bound) > search.options.gap / 2:
         for k, elements in broken_modes(standard, relaxed.point).items():
             search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
     if plan.objective < search.best.objective:
         search.best = plan
-
-
-def _answer(search: ConicSearch) -> MethodResult:
-    wanted_gap = search.options.gap
-    reached = search.gap <= wanted_gap
-    note = (
-        f"the gap of {100 * search.gap:.2g} % is above the {100 * wanted_gap:.2g} % asked for "
-        f"after {search.deadline.spent_s:.1f} s; this is the best plan found"
-    )
-    best = replace(search.best, status="optimal" if reached else "feasible")
-    return MethodResult.from_solution(search.program, best, search.bound, [] if reached else [note])

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from resilience.arrays import Bools, Ints
-from resilience.models.backends.base import Solution, Status
+from resilience.models.backends.base import NOTHING, Solution, Status
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import Lowered
 from resilience.models.case_program import CaseProgram
 from resilience.models.program.standard import Vectors
 
-FALLBACK_S = 5.0  # what a method takes when time is up and it has nothing to show
-FALLBACK_GAP = 0.2  # relative gap at which that search stops
+FALLBACK_GAP = 0.2  # relative gap at which a search for any point stops
 
 
 def has_switches(program: CaseProgram) -> bool:
@@ -22,12 +21,19 @@ def has_switches(program: CaseProgram) -> bool:
     return program.standard.has("line.closed")
 
 
-def any_point(program: CaseProgram, lowered: Lowered) -> Solution:
+def any_point(program: CaseProgram, lowered: Lowered, seconds: float) -> Solution:
     """A point that holds what is lowered, found soon rather than good; no bound.
 
     Its status is infeasible where that is proven, which a held topology never can.
+
+    Args:
+        program: what it is to be a point of.
+        lowered: what it has to hold.
+        seconds: that the search may take; without any it is not begun.
     """
-    solver = Highs(lowered, time_limit=FALLBACK_S, gap=FALLBACK_GAP)
+    if seconds <= 0.0:
+        return NOTHING
+    solver = Highs(lowered, time_limit=seconds, gap=FALLBACK_GAP)
     solver.update(with_switches_held(program) if has_switches(program) else program.vectors)
     solution = solver.solve()
     if solution.status == "infeasible" and not has_switches(program):

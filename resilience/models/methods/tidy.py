@@ -1,8 +1,9 @@
 """Among plans of one cost, one that sends little round in circles.
 
 Without losses, reactive power costs nothing, so a linear program lets it circulate as it likes, and
-the wires of the real feeder would heat. A second linear program holds everything that costs or is
-remembered, and makes the sum of `weight * |x|` of the stage's tie-breaks least.
+the wires of the real feeder would heat. A second linear program holds everything that costs, is
+remembered or has a mode, and makes the sum of `weight * |x|` of the stage's tie-breaks least. What
+comes of it is certified anew, and dropped where it holds less than the plan did.
 """
 
 from __future__ import annotations
@@ -14,39 +15,60 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 
 from resilience.arrays import Bools, Floats
-from resilience.models.backends.base import Solution
+from resilience.models.backends.base import Solution, failures_named
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
-from resilience.models.methods.answer import worst_violation
+from resilience.models.methods.answer import broken_facts, worst_violation
+from resilience.models.program.referee import audit
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Disc, Discs
+from resilience.models.structures import Disc, Discs, Mode
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 POLYGONS: tuple[Discs, ...] = ("outer", "inner")  # in the order of trial
 
 
-def with_least_circulation(program: CaseProgram, solution: Solution) -> Solution:
-    """The same plan, tie-breaks least; as it was where that cannot be had within the ratings."""
+def with_least_circulation(program: CaseProgram, solution: Solution, seconds: float) -> Solution:
+    """The same plan, tie-breaks least; as it was where that cannot be had within the ratings.
+
+    Args:
+        program: what it is a plan of.
+        solution: the plan.
+        seconds: that each of two trials may take.
+    """
     standard = program.standard
-    if not standard.tiebreak.any():
+    if not standard.tiebreak.any() or seconds <= 0.0:
         return solution
     for discs in POLYGONS:
-        z = _least_circulation(standard, program.vectors, solution.point, discs)
-        if z is not None and worst_violation(standard, z, Disc) <= RELAXATION_TOLERANCE:
+        z = _least_circulation(standard, program.vectors, solution.point, discs, seconds)
+        if z is not None and _holds_as_much(program, z, solution.point):
             return replace(solution, z=z)
     return solution
 
 
+def _holds_as_much(program: CaseProgram, z: Floats, before: Floats) -> bool:
+    """Whether z breaks no more facts than the plan before, and the referee sees no difference."""
+    standard, vectors = program.standard, program.vectors
+    open_before = audit(standard, before, vectors).maximum
+    return (
+        len(broken_facts(standard, z)) <= len(broken_facts(standard, before))
+        and worst_violation(standard, z, Disc) <= RELAXATION_TOLERANCE
+        and audit(standard, z, vectors).maximum <= max(open_before, RELAXATION_TOLERANCE)
+    )
+
+
 def _fixed_columns(standard: Standard, v: Vectors) -> Bools:
-    """(columns,) what costs, is remembered, or cannot move anyway."""
+    """(columns,) what costs, is remembered, has a mode, or cannot move anyway."""
     fixed: Bools = (v.cost != 0.0) | standard.integer | (v.lower >= v.upper)
     for _, after in standard.form.stage.states:
         fixed[standard.columns(after.name)] = True
+    for unrolled in standard.structures_of(Mode).values():
+        fixed[unrolled.columns] = True
     return fixed
 
 
+@failures_named("HiGHS")
 def _least_circulation(
-    standard: Standard, vectors: Vectors, z: Floats, discs: Discs
+    standard: Standard, vectors: Vectors, z: Floats, discs: Discs, seconds: float
 ) -> Floats | None:
     """The columns (columns,) with the least sum of weight * |x|; None if there is no point.
 
@@ -78,8 +100,9 @@ def _least_circulation(
             [np.append(v.lower[free], np.zeros(m)), np.append(v.upper[free], np.full(m, np.inf))]
         ),
         method="highs",
+        options={"time_limit": seconds},
     )
-    if answer.x is None:
+    if answer.x is None or not answer.success:
         return None
     best = z.copy()
     best[free] = np.clip(answer.x[: len(free)], v.lower[free], v.upper[free])

@@ -29,10 +29,10 @@ class Bonmin(NLP):
     integers = True
     plugin = "bonmin"
 
-    def _options(self, free: Ints) -> dict[str, Any]:
+    def _options(self, free: Ints, seconds: float) -> dict[str, Any]:
         settings: dict[str, Any] = {"algorithm": ALGORITHM, "print_level": 0, "bb_log_level": 0}
-        if np.isfinite(self.time_limit):
-            settings["time_limit"] = self.time_limit
+        if np.isfinite(seconds):
+            settings["time_limit"] = seconds
         discrete = self.standard.integer[free].tolist()
         return {"bonmin": settings, "discrete": discrete, "print_time": False}
 
