@@ -166,7 +166,8 @@ def _cone(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, fl
 
 
 def _disc(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, Floats]:
-    return sum(x**2 for x in args), -np.inf, limits[0] ** 2
+    radius = np.where(limits[0] > 0.0, limits[0], 1.0)  # Ipopt's tolerance is absolute
+    return sum((x / radius) ** 2 for x in args), -np.inf, (limits[0] / radius) ** 2
 
 
 _QUADRATICS: dict[type[Structure], Callable[..., tuple[Any, float, float | Floats]]] = {

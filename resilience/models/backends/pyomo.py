@@ -196,7 +196,9 @@ class Pyomo:
         return u * v == square if self.cones == "equal" else square <= u * v
 
     def _disc(self, args: list[Any], limits: list[float]) -> Any:
-        return sum(x**2 for x in args) <= limits[0] ** 2
+        # Relative to the rating: SCIP holds rows to 1e-6, which is more than the square of 1 kVA.
+        radius = limits[0] or 1.0
+        return sum((x / radius) ** 2 for x in args) <= (limits[0] / radius) ** 2
 
     def _expressions(self, unrolled: UnrolledStructure[Structure], k: int) -> list[Any]:
         """One expression per element for the k-th argument."""
