@@ -82,7 +82,9 @@ def test_a_bound_above_the_objective_is_an_error_and_a_hair_is_kept() -> None:
     assert judged(answer.objective * 0.9).notes == ["too far off"]
     assert judged(answer.objective * 0.9).status == "feasible"
     assert judged(-np.inf).status == "feasible"
-    with pytest.raises(CertificateError, match=r"a bound of 36\.26.* is proven, but an answer costs"):
+    with pytest.raises(
+        CertificateError, match=r"a bound of 36\.26.* is proven, but an answer costs"
+    ):
         judged(answer.objective + 5.0)
 
 

@@ -22,8 +22,8 @@ MAX_LISTED = 8  # groups of conflicting rows in an error
 def infeasible(program: CaseProgram, names: Sequence[str] = ()) -> InfeasibleError:
     """The error for a problem that is known to have no plan, `names` being in conflict."""
     deadline = Deadline(EXPLANATION_S)
-    found = names or _linear_conflict(program, deadline) or _conic_conflict(program, deadline)
-    return _named(program, found)
+    conflicting = names or _linear_conflict(program, deadline) or _conic_conflict(program, deadline)
+    return _named(program, conflicting)
 
 
 def no_plan(

@@ -139,11 +139,11 @@ def _solve(
     relaxed, reason = NOTHING, OUT_OF_ROUNDS
     for k in range(MAX_ROUNDS):
         with phase("linear program", f"round {k + 1}"):
-            found = _relaxed(search)
-            if found.z is None:
+            point = _relaxed(search)
+            if point.z is None:
                 reason = OUT_OF_TIME
                 break
-            relaxed = found
+            relaxed = point
             broken = broken_modes(standard, relaxed.point)
             plan = _plan(search, relaxed, broken)
         if plan.objective < search.best.objective:
@@ -214,8 +214,8 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
     if exceeded and search.gap_of(plan) > search.options.gap and search.seconds > 0.0:
         on_discs = relaxation(program, vectors, seconds=search.seconds)
         if on_discs.z is not None:
-            held = with_all_held(program, on_discs, vectors, lambda: search.seconds)
-            plan = min(plan, held, key=lambda solution: solution.objective)
+            on_modes = with_all_held(program, on_discs, vectors, lambda: search.seconds)
+            plan = min(plan, on_modes, key=lambda solution: solution.objective)
     return plan
 
 

@@ -75,8 +75,8 @@ class ConicSearch:
 
     def gap_of(self, plan: Solution, bound: float | None = None) -> float:
         """Relative gap of a plan to a bound, that of the whole if omitted; inf without a plan."""
-        known = self.bound if bound is None else bound
-        return gap(plan.objective, known, cost_scale(self.program.vectors))
+        lowest = self.bound if bound is None else bound
+        return gap(plan.objective, lowest, cost_scale(self.program.vectors))
 
     @property
     def gap(self) -> float:

@@ -136,9 +136,9 @@ def rescaled(program: CaseProgram, units: Units) -> tuple[CaseProgram, Floats]:
         v.row_lower * rows,
         v.row_upper * rows,
     )
-    own = {f: getattr(program, f) for f in CaseProgram.__dataclass_fields__}
-    own["standard"] = RescaledStandard(**fields, base_mw=units.base_mw)
-    return RescaledProgram(**own, rescaled=numbers), scale
+    of_program = {f: getattr(program, f) for f in CaseProgram.__dataclass_fields__}
+    of_program["standard"] = RescaledStandard(**fields, base_mw=units.base_mw)
+    return RescaledProgram(**of_program, rescaled=numbers), scale
 
 
 def _structure(
@@ -168,12 +168,12 @@ def in_own_units(
         if units == Units():
             return method(program, options)
         inner, scale = rescaled(program, units)
-        found = method(inner, options)
+        answer = method(inner, options)
         return replace(
-            found,
-            z=np.clip(found.z * scale, program.vectors.lower, program.vectors.upper),
-            objective=found.objective * units.cost,
-            bound=found.bound * units.cost,
+            answer,
+            z=np.clip(answer.z * scale, program.vectors.lower, program.vectors.upper),
+            objective=answer.objective * units.cost,
+            bound=answer.bound * units.cost,
         )
 
     return scaled
