@@ -7,10 +7,9 @@ import pytest
 
 from resilience.case import Case, load_case
 from resilience.models.case_program import horizon
-from resilience.models.methods import MethodOptions, answer
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.testing import small_case
-from tests.known.solving import solved
+from tests.known.solving import let_time_be_up, solved
 
 CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 
@@ -110,13 +109,8 @@ def test_without_enough_gap_it_stops_early_and_says_so() -> None:
 
 @pytest.mark.parametrize("method", ["lp", "milp", "minlp"])
 def test_no_time_at_all_still_gives_a_plan(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Time is up as soon as it begins: the grace is for one plan, and the answer owns up to it.
-
-    The clock is a watch that stands still when time is up, so no machine is too slow for this.
-    """
-    readings = itertools.chain([17.0], itertools.repeat(17.3))
-    monkeypatch.setattr(answer, "GRACE_S", 600.0)
-    monkeypatch.setattr(MethodOptions, "clock", lambda _: next(readings))
+    """No time is enough for a day of commitment but that for one plan; the answer owns up to it."""
+    let_time_be_up(monkeypatch)
     found = solved(load_case("ieee33-commitment"), method, time_limit=0.25, gap=1e-6)
     assert found.answer.status == "feasible"
     assert "best plan found" in " ".join(found.answer.notes)
