@@ -138,7 +138,7 @@ def test_an_open_line_has_no_current_even_where_the_cone_is_relaxed() -> None:
     current = standard.columns("line.l")[tie]
     cost = np.zeros(standard.n_columns)
     cost[current] = -1.0
-    solver = Highs(lower(standard, integer="none", modes={}))
+    solver = Highs(lower(standard, modes={}))
     solver.update(replace(vectors, cost=cost, offset=0.0))
     point = solver.solve().point
     # A forest has the tie in the two hours of the outage, and in no other.
