@@ -11,8 +11,10 @@ from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.models.case_program import CaseProgram, terminal_credit
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
-from resilience.models.program.referee import audit, settle
+from resilience.models.program.gate import check_audit, names_of
+from resilience.models.program.referee import Audit, audit, settle
 from resilience.models.program.standard import Standard
+from resilience.models.structures import Cone, Disc, Mode
 from resilience.planning.scenario_program import ScenarioProgram
 from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
@@ -20,6 +22,7 @@ from resilience.planning.two_stage.lshaped import TwoStageSolution
 from resilience.simulation.powers import powers
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
+from resilience.tolerances import RELAXATION_TOLERANCE
 
 
 @dataclass
@@ -33,6 +36,7 @@ class ScenarioOutcomes:
         energy: (units, slots, n) MWh at the end of every slot.
         shed: (loads, slots, n) MW.
         audit, where: worst scaled violations, and where the worst of each name is.
+        relaxed: what is not satisfied, in words: by name, how much of it and in how many scenarios.
     """
 
     operating_cost: Floats
@@ -43,6 +47,7 @@ class ScenarioOutcomes:
     shed: Floats
     audit: dict[str, float] = field(default_factory=dict)
     where: dict[str, str] = field(default_factory=dict)
+    relaxed: list[str] = field(default_factory=list)
 
     @property
     def cost(self) -> Floats:
@@ -76,21 +81,77 @@ def ordered(fleets: Iterable[DeviceFleet]) -> list[DeviceFleet]:
 def planned_outcomes(
     program: ScenarioProgram, solution: TwoStageSolution
 ) -> tuple[ScenarioOutcomes, dict[str, SlotTable]]:
-    """What happens in every scenario of a two-stage plan, audited, and the tables of its trunk."""
+    """What happens in every scenario of a two-stage plan, audited, and the tables of its trunk.
+
+    Raises:
+        CertificateError: a scenario breaks what is not said to be relaxed.
+    """
     full, trunk = program.full(), program.trunk
     outcomes = _blank(program.microgrid.case, program.distinct.n)
+    shortfalls: dict[str, Shortfall] = {}
     for k in range(program.distinct.n):
         storm = program.program_of(k, full)
         z = settle(full, scenario_point(program, solution, k, full), storm.vectors)
         _record(outcomes, k, storm, z)
+        _count(shortfalls, full, z)
         checked = audit(full, z, storm.vectors)
         for name, violation in checked.worst.items():
             if violation >= outcomes.audit.get(name, -1.0):
                 outcomes.audit[name] = violation
                 place = f"{checked.where[name]} in scenario {program.distinct.number[k]}"
                 outcomes.where[name] = place
+    outcomes.relaxed = [
+        f"{name}: {shortfall}" for name, shortfall in shortfalls.items() if shortfall.scenarios
+    ]
+    check_audit(Audit(outcomes.audit, outcomes.where), names_of(outcomes.relaxed))
     z_trunk = settle(trunk.standard, solution.trunk.copy(), trunk.vectors)
     return outcomes, tabulate(trunk, z_trunk)
+
+
+@dataclass
+class Shortfall:
+    """How far something relaxed is from holding, over some scenarios.
+
+    Attributes:
+        complaint: what is wrong, in words.
+        count, total: elements that do not hold, and all there are.
+        worst: largest scaled violation.
+        scenarios: those in which any does not hold.
+        of: number of scenarios.
+    """
+
+    complaint: str
+    count: int = 0
+    total: int = 0
+    worst: float = 0.0
+    scenarios: int = 0
+    of: int = 0
+
+    def add(self, violation: Floats) -> None:
+        """Takes in the elements (n,) of one more scenario."""
+        broken = int((violation > RELAXATION_TOLERANCE).sum())
+        self.count += broken
+        self.total += len(violation)
+        self.worst = max(self.worst, float(violation.max(initial=0.0)))
+        self.scenarios += broken > 0
+        self.of += 1
+
+    def __str__(self) -> str:
+        return (
+            f"{self.count} of {self.total} {self.complaint}, by {self.worst:.2g} at most, "
+            f"in {self.scenarios} of {self.of} scenarios"
+        )
+
+
+def _count(shortfalls: dict[str, Shortfall], standard: Standard, z: Floats) -> None:
+    """Takes in what a scenario's point leaves relaxed, by name."""
+    for kind in (Mode, Cone, Disc):
+        for unrolled in standard.structures_of(kind).values():
+            complaint = unrolled.structure.complaint
+            shortfalls.setdefault(unrolled.name, Shortfall(complaint)).add(unrolled.violation(z))
+    integers = z[standard.integer]
+    shortfall = shortfalls.setdefault("integrality", Shortfall("integers fractional"))
+    shortfall.add(np.abs(integers - np.round(integers)))
 
 
 def _blank(case: Case, n: int) -> ScenarioOutcomes:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from resilience.errors import UsageError
 from resilience.files import replacing
+from resilience.models.program.gate import check_costs, check_energy
 from resilience.planning.records import (
     SUMMARY_FILE,
     Certificate,
@@ -27,7 +28,7 @@ from resilience.planning.records import (
     read_tables,
     write_plan,
 )
-from resilience.planning.tables import table_units
+from resilience.planning.tables import balance, table_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -76,6 +77,13 @@ class Plan(CertifiedPlan):
     shed_mwh: float
     shed_by_load: dict[str, dict[str, float]]
     outages: list[str]
+
+    def check_objective(self, scale: float) -> None:
+        """See `CertifiedPlan.check_objective`: operating cost less credit, energy as tabulated."""
+        parts = {"operating cost": self.operating_cost, "terminal credit": -self.terminal_credit}
+        check_costs(self.objective, parts, scale)
+        if self.case is not None and "power" in self.tables:
+            check_energy(self.energy_mwh, balance(self.case, self.tables))
 
     @property
     def bound(self) -> float | None:

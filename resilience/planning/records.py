@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from resilience.errors import CertificateError
+from resilience.models.case_program import horizon
+from resilience.models.program import gate
+from resilience.models.program.referee import Audit
 from resilience.planning.tables import SlotTable
 
 if TYPE_CHECKING:
@@ -33,6 +38,8 @@ class Certificate:
         relaxed: facts of the model that the plan need not satisfy, in words.
         audit: worst scaled violation per row, bound and structure.
         audit_worst: where the worst of these is, empty where nothing was audited.
+        cost_scale: the most that one column of the program can cost, $, see `gate.cost_scale`; it
+            is not saved, and None where a plan was read from files.
     """
 
     status: Status
@@ -42,6 +49,42 @@ class Certificate:
     relaxed: list[str]
     audit: dict[str, float]
     audit_worst: str
+    cost_scale: float | None = field(default=None, repr=False, compare=False)
+
+    def check(self, objective: float, scale: float) -> None:
+        """Refuses what contradicts itself.
+
+        Args:
+            objective: of the plan, $.
+            scale: what rounding is relative to, $.
+
+        Raises:
+            CertificateError: gap and status do not follow from objective and bound, or the referee
+                found more than is said to be relaxed.
+        """
+        where = {name: name for name in self.audit}
+        where |= {name: self.audit_worst for name in self.audit if self._is_worst(name)}
+        gate.check_audit(Audit(self.audit, where), gate.names_of(self.relaxed))
+        bound = -math.inf if self.bound is None else self.bound
+        gap = gate.gap(objective, bound, scale)
+        stated = math.inf if self.gap is None else self.gap
+        if not (math.isclose(gap, stated, rel_tol=1e-6, abs_tol=1e-12)):
+            raise CertificateError(
+                f"a gap of {stated:.9g} is stated, but {objective:.9g} $ and the bound of "
+                f"{bound:.9g} $ are {gap:.9g} apart: {gate.FAULT}",
+                hint=gate.HINT,
+            )
+        if self.status not in ("optimal", "feasible") or (
+            self.status == "optimal" and not math.isfinite(gap)
+        ):
+            raise CertificateError(
+                f"the status is {self.status!r} at a gap of {gap:.9g}; allowed: 'optimal' within a "
+                "gap to a proven bound, or 'feasible'",
+                hint=gate.HINT,
+            )
+
+    def _is_worst(self, name: str) -> bool:
+        return self.audit[name] == max(self.audit.values())
 
 
 @dataclass(frozen=True)
@@ -161,6 +204,42 @@ class CertifiedPlan:
     tables: Mapping[str, SlotTable] = field(repr=False)
     case: Case | None = field(repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Refuses a plan whose numbers contradict each other.
+
+        Raises:
+            CertificateError: costs that are no numbers or do not add up, a bound above them, a gap
+                or a status that is another, or a row that does not hold and is not said to.
+        """
+        scale = self._scale()
+        if self.totals.terms:
+            gate.check_costs(self.totals.operating_cost, self.totals.terms, scale)
+        self.check_objective(scale)
+        self.certificate.check(self.objective, scale)
+
+    def check_objective(self, scale: float) -> None:
+        """Refuses an objective that the rest of the plan does not add up to.
+
+        Args:
+            scale: what rounding is relative to, $.
+
+        Raises:
+            CertificateError: likewise.
+        """
+        raise NotImplementedError
+
+    def _scale(self) -> float:
+        """What rounding is relative to, $: known where the plan was made, else from its case."""
+        if self.certificate.cost_scale is not None:
+            return self.certificate.cost_scale
+        if self.case is None:
+            return max((abs(cost) for cost in self.totals.terms.values()), default=0.0)
+        # Costs do not depend on the physics, and this one is the quickest to state.
+        return gate.cost_scale(horizon(self.case, "copperplate").vectors)
+
     @property
     def status(self) -> Status:
         """Optimal (within the gap asked for) or feasible."""
@@ -213,7 +292,7 @@ class CertifiedPlan:
 
 def read_record(record: type[Record], summary: Mapping[str, Any]) -> Record:
     """The part of a plan that is a record of a kind, from what `summary` of the plan gave."""
-    return record(**{key.name: summary[key.name] for key in fields(record)})
+    return record(**{key.name: summary[key.name] for key in fields(record) if key.name in summary})
 
 
 def write_plan(

@@ -124,9 +124,7 @@ def _worth(planned: PlannedScenarios) -> InformationValue:
         clairvoyant_cost=clairvoyant,
         mean_value_cost=planned.mean_value_cost,
         value_of_stochastic_solution=planned.value_of_stochastic_solution,
-        # Capped, since rounding may make it negative where knowing more is worth nothing; a
-        # clairvoyant that is dearer than the plan by more is hidden, too.
-        value_of_perfect_information=max(objective - clairvoyant, 0.0),
+        value_of_perfect_information=objective - clairvoyant,
     )
 
 

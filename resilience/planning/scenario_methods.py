@@ -11,12 +11,11 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
 from resilience.models.methods.answer import (
     Deadline,
-    broken_facts,
     broken_modes,
-    gap,
     idle_columns,
     worst_violation,
 )
+from resilience.models.program.gate import gap, status_of
 from resilience.models.program.standard import Standard
 from resilience.models.structures import Cone, Disc
 from resilience.planning.scenario_program import ScenarioProgram, scenario_program
@@ -43,7 +42,7 @@ class ScenarioResult:
         solution: the plan; its bound holds for the program with modes and integers relaxed, so
             for the whole of it too.
         algorithm: extensive or lshaped.
-        relaxed: facts of the model that the plan does not satisfy, in words.
+        late: whether the time limit ended the search.
         mean_value_cost: $ of the risk, where the trunk is that of the plan for mean data; None
             where there is no such trunk.
         stochastic_cost: $ of the same for the best trunk, modes relaxed as in `mean_value_cost`.
@@ -51,17 +50,17 @@ class ScenarioResult:
 
     solution: TwoStageSolution
     algorithm: str
-    relaxed: list[str]
+    late: bool
     mean_value_cost: float | None
     stochastic_cost: float
 
     @property
     def value_of_stochastic_solution(self) -> float | None:
-        """What the plan for the mean costs more, $; None where it is undefined."""
-        if self.mean_value_cost is None:
-            return None
-        # Capped, since both costs are within a gap only: their difference may come out negative.
-        return max(self.mean_value_cost - self.stochastic_cost, 0.0)
+        """What the plan for the mean costs more, $; None where it is undefined.
+
+        Both costs are within a gap only: where it makes no difference, their own may be negative.
+        """
+        return None if self.mean_value_cost is None else self.mean_value_cost - self.stochastic_cost
 
 
 def solve_scenario_program(
@@ -82,6 +81,7 @@ def solve_scenario_program(
     Raises:
         InfeasibleError: there is no plan; what conflicts is named, with its scenario.
         SolverError: a solver failed.
+        CertificateError: a plan costs less than what is proven.
         UsageError: unknown algorithm, or physics with cones.
     """
     two_stage, deadline = program.two_stage, Deadline(time_limit)
@@ -96,29 +96,37 @@ def solve_scenario_program(
         with phase("mean-value plan", "its recourse"):
             mean_cost = costs_of(two_stage, start)
     solution = _with_modes_held(two_stage, relaxed, algorithm, options, deadline)
-    # The bound is the relaxed program's, since holding modes narrows it. Capped, since it is proven
-    # to within rounding only; one that is wrong by more is hidden, too.
-    bound = min(relaxed.bound, solution.objective)
-    closed = gap(solution.objective, bound) <= relative_gap
+    # The bound is the relaxed program's, since holding modes narrows it.
+    bound, scale = relaxed.bound, two_stage.cost_scale
+    status = status_of(gap(solution.objective, bound, scale), relative_gap)
+    mean_value_cost = None
+    if mean_cost is not None:
+        mean_value_cost = two_stage.risk.value(mean_cost, relaxed.probability)
+        gap(mean_value_cost, bound, scale)  # nor may this plan be cheaper than what is proven
     return ScenarioResult(
-        solution=replace(solution, bound=bound, status="optimal" if closed else "feasible"),
+        solution=replace(solution, bound=bound, status=status),
         algorithm=algorithm,
-        relaxed=_relaxed_facts(two_stage, solution),
-        mean_value_cost=(
-            None if mean_cost is None else two_stage.risk.value(mean_cost, relaxed.probability)
-        ),
+        late=deadline.remaining_s <= 0,
+        mean_value_cost=mean_value_cost,
         stochastic_cost=relaxed.objective,
     )
 
 
 def wait_and_see(program: ScenarioProgram) -> Floats:
-    """(distinct scenarios,) proven bounds in $ on what each costs, known from the start."""
+    """(distinct scenarios,) proven bounds in $ on what each costs, known from the start.
+
+    Raises:
+        CertificateError: a plan costs less.
+    """
     two_stage = scenario_program(program.microgrid, program.distinct, common_slots=0).two_stage
     x0 = np.concatenate([np.empty(0), *(two_stage.x0[name] for name in two_stage.first.initial)])
     starts = np.tile(x0, (len(two_stage.branches), 1))
     with phase("clairvoyant bound"):
         second = Recourse(two_stage, workers=os.cpu_count() or 1).solve(starts)
-    return np.minimum(second.alpha + second.beta @ x0, second.cost)
+    bounds = second.alpha + second.beta @ x0
+    for cost, bound in zip(second.cost, bounds, strict=True):
+        gap(float(cost), float(bound), two_stage.cost_scale)
+    return bounds
 
 
 def costs_of(two_stage: TwoStage, states: Floats) -> Floats | None:
@@ -199,16 +207,3 @@ def _pieces(two_stage: TwoStage, solution: TwoStageSolution) -> dict[int, tuple[
     for k, (chain, z) in enumerate(zip(two_stage.branches, solution.points, strict=True)):
         pieces[k] = two_stage.programs[chain.program], z
     return pieces
-
-
-def _relaxed_facts(two_stage: TwoStage, solution: TwoStageSolution) -> list[str]:
-    """What the plan leaves relaxed: of the trunk, and of how many scenarios."""
-    lines, scenarios = [], 0
-    for k, (problem, z) in _pieces(two_stage, solution).items():
-        facts = broken_facts(problem, z)
-        if k < 0:
-            lines += [f"common slots: {line}" for line in facts]
-        scenarios += k >= 0 and bool(facts)
-    if scenarios:
-        lines.append(f"recourse: modes, ratings or integers do not hold in {scenarios} scenarios")
-    return lines

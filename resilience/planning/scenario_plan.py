@@ -21,9 +21,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from resilience.arrays import Floats
-from resilience.errors import UsageError
+from resilience.errors import CertificateError, UsageError
 from resilience.files import replacing
+from resilience.models.program import gate
+from resilience.models.program.risk import Risk
 from resilience.planning.records import (
     SUMMARY_FILE,
     Certificate,
@@ -131,6 +135,36 @@ class ScenarioPlan(CertifiedPlan):
     episodes: Mapping[str, Floats] = field(repr=False)
     recourse: tuple[tuple[str, ...], Floats] = field(repr=False, compare=False)
     outages: Scenarios | None = field(repr=False, compare=False)
+
+    def check_objective(self, scale: float) -> None:
+        """See `CertifiedPlan.check_objective`: the risk of the costs of its scenarios, none of
+        which is below what it costs with its outages known.
+        """
+        cost, probability = (np.asarray(self.episodes[key]) for key in ("cost", "probability"))
+        expected = float(probability @ cost)
+        room = gate.rounding(expected, scale)
+        gate.check_costs(self.expected_cost, {"scenarios": expected}, scale)
+        parts = self.expected_operating_cost, -self.expected_terminal_credit
+        gate.check_costs(expected, dict(zip(("operating", "credit"), parts, strict=True)), scale)
+        averse = self.risk != str(Risk())
+        within = expected - room <= self.objective <= float(cost.max()) + room
+        if not (within if averse else abs(self.objective - expected) <= room):
+            raise CertificateError(
+                f"the objective is {self.objective:.9g} $, but {self.risk} over its scenarios is "
+                f"not: they cost {expected:.9g} $ on average, {cost.max():.9g} $ at most",
+                hint=gate.HINT,
+            )
+        known = np.asarray(self.episodes.get("clairvoyant_cost", np.full(len(cost), -np.inf)))
+        for with_hindsight, spent in [
+            (self.clairvoyant_cost, self.objective),
+            *zip(known.tolist(), cost.tolist(), strict=True),
+        ]:
+            gate.gap(spent, with_hindsight, scale)
+        gate.check_costs(
+            self.value_of_perfect_information,
+            {"objective": self.objective, "clairvoyant": -self.clairvoyant_cost},
+            max(scale, abs(self.objective)),
+        )
 
     @property
     def bound(self) -> float:

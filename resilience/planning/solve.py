@@ -16,8 +16,16 @@ from resilience.files import replacing_file
 from resilience.fragility.draw import outages_from
 from resilience.models.case_program import CaseProgram, horizon, terminal_credit
 from resilience.models.methods import METHODS, MethodOptions, MethodResult
-from resilience.models.methods.answer import gap
+from resilience.models.methods.answer import broken_facts
 from resilience.models.microgrid import Physics
+from resilience.models.program.gate import (
+    check_audit,
+    check_costs,
+    cost_scale,
+    gap,
+    names_of,
+    status_of,
+)
 from resilience.models.program.referee import audit, settle
 from resilience.models.structures import Cone
 from resilience.planning.plan import Plan
@@ -152,7 +160,7 @@ def plan_known_outages(
             program = horizon(case, physics or default_physics)
         result = find_point(program, limits)
         with phase("audit"):
-            point = audited_point(program, result)
+            point = audited_point(program, result, limits.gap)
     return Plan(
         name=case.name,
         method=method,
@@ -214,27 +222,45 @@ class AuditedPoint:
     shed_by_load: dict[str, dict[str, float]]
 
 
-def audited_point(program: CaseProgram, result: MethodResult) -> AuditedPoint:
-    """The point of a method's result, settled, audited, and put into tables."""
-    z = settle(program.standard, result.z, program.vectors)
-    checked = audit(program.standard, z, program.vectors)
-    terms = program.standard.cost_terms(z, program.data)
+def audited_point(program: CaseProgram, result: MethodResult, wanted_gap: float) -> AuditedPoint:
+    """The point of a method's result, settled, audited, and put into tables.
+
+    What it leaves relaxed is judged last, of the settled point, so that nothing moves afterwards.
+
+    Args:
+        program: what was solved.
+        result: its answer.
+        wanted_gap: relative gap within which the answer may be called optimal.
+
+    Raises:
+        CertificateError: the point breaks what is not said to be relaxed, costs something else than
+            the method says, or less than the bound.
+    """
+    standard, vectors = program.standard, program.vectors
+    z = settle(standard, result.z, vectors)
+    checked, relaxed = audit(standard, z, vectors), broken_facts(standard, z)
+    check_audit(checked, names_of(relaxed))
+    terms = standard.cost_terms(z, program.data)
     costs = {name: float(spent.sum()) for name, spent in terms.items()}
     operating, credit = sum(costs.values()), _credit(program, z)
-    bound = result.bound if np.isfinite(result.bound) else None
+    objective, scale = operating - credit, cost_scale(vectors)
+    check_costs(result.objective, {**costs, "terminal credit": -credit}, scale)
+    reached = gap(objective, result.bound, scale)
+    has_bound = bool(np.isfinite(result.bound))
     certificate = Certificate(
-        status=result.status,
-        bound=bound,
-        gap=None if bound is None else gap(operating - credit, bound),
+        status=status_of(reached, wanted_gap) if result.status == "optimal" else "feasible",
+        bound=result.bound if has_bound else None,
+        gap=reached if has_bound else None,
         bound_of=result.bound_of,
-        relaxed=result.relaxed,
+        relaxed=relaxed,
         audit=checked.worst,
         audit_worst=checked.name,
+        cost_scale=scale,
     )
     tables = tabulate(program, z)
     return AuditedPoint(
         certificate,
-        Costs(operating - credit, operating, credit, costs),
+        Costs(objective, operating, credit, costs),
         tables,
         balance(program.case, tables),
         shed_reasons(program, z),

@@ -14,8 +14,9 @@ from resilience.fragility.outages.bell import case_bell
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.components import in_roles
-from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions, gap
+from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions
 from resilience.models.microgrid import Physics
+from resilience.models.program.gate import gap, status_of
 from resilience.models.program.risk import Risk
 from resilience.planning import outcomes
 from resilience.planning.outcomes import ScenarioOutcomes
@@ -144,9 +145,9 @@ def plan_in_two_stages(
         distinct_outcomes, tables = outcomes.planned_outcomes(program, result.solution)
     scenario_outcomes = distinct_outcomes.selected(distinct.index)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)
-    # Capped, since settling the plan may move its cost a hair below the solver's bound; a bound
-    # that is wrong by more is hidden, too.
-    bound = min(result.solution.bound, objective)
+    bound, scale = result.solution.bound, program.two_stage.cost_scale
+    reached = gap(objective, bound, scale)
+    status = status_of(reached, limits.gap)
     return PlannedScenarios(
         method="stochastic",
         physics=physics,
@@ -157,18 +158,29 @@ def plan_in_two_stages(
         clairvoyant_cost=clairvoyant_cost,
         risk=risk,
         certificate=Certificate(
-            status=result.solution.status,
+            status=status,
             bound=bound,
-            gap=gap(objective, bound),
+            gap=reached,
             bound_of=f"two-stage program on {physics}",
-            relaxed=result.relaxed,
+            relaxed=scenario_outcomes.relaxed,
             audit=scenario_outcomes.audit,
             audit_worst=scenario_outcomes.audit_worst,
+            cost_scale=scale,
         ),
-        notes=[] if result.solution.status == "optimal" else [OUT_OF_TIME],
+        notes=[] if status == "optimal" else [_reason(reached, limits.gap, result.late)],
         tables=tables,
         mean_value_cost=result.mean_value_cost,
         value_of_stochastic_solution=result.value_of_stochastic_solution,
+    )
+
+
+def _reason(reached: float, wanted: float, late: bool) -> str:
+    """Why a plan is not called optimal."""
+    if late:
+        return OUT_OF_TIME
+    return (
+        f"the gap of {100 * reached:.2g} % is above the {100 * wanted:.2g} % asked for: the bound "
+        "lets storage and grids be in two modes at once, and polygons stand around ratings"
     )
 
 
@@ -185,9 +197,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)
-    # Capped, since the simulator's recourse and the bound's solver round differently; a bound that
-    # is wrong by more is hidden, too.
-    bound = min(risk.value(clairvoyant_cost, scenarios.probability), objective)
+    bound, scale = risk.value(clairvoyant_cost, scenarios.probability), program.two_stage.cost_scale
     longest = int(np.argmax(program.leaves[distinct.index]))
     return PlannedScenarios(
         method=method,
@@ -201,11 +211,12 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
         certificate=Certificate(
             status="feasible",
             bound=bound,
-            gap=gap(objective, bound),
+            gap=gap(objective, bound, scale),
             bound_of="every scenario known beforehand, on copperplate",
             relaxed=[],
             audit=scenario_outcomes.audit,
             audit_worst=scenario_outcomes.audit_worst,
+            cost_scale=scale,
         ),
         notes=[],
         tables=_common_schedule(program, scenario_outcomes, longest),

@@ -117,6 +117,40 @@ class Backend(Protocol):
         """Solves the program with the latest vectors."""
 
 
+B = TypeVar("B")
+
+
+def of_solver(solver: str) -> Callable[[Callable[[B], Solution]], Callable[[B], Solution]]:
+    """Of every backend's `solve`: what goes wrong in there is an error that names the solver.
+
+    Whatever the solver's own library raises becomes a `SolverError`, and so does an answer whose
+    numbers are none.
+
+    Args:
+        solver: what users know it as.
+    """
+
+    def decorated(solve: Callable[[B], Solution]) -> Callable[[B], Solution]:
+        guarded = failures_named(solver)(solve)
+
+        @wraps(solve)
+        def checked(backend: B) -> Solution:
+            solution = guarded(backend)
+            point = solution.z
+            if np.isnan(solution.bound) or not (
+                point is None or (np.isfinite(point).all() and np.isfinite(solution.objective))
+            ):
+                raise SolverError(
+                    f"{solver} answered with values that are no numbers",
+                    hint="report it with the case; another --method may do meanwhile",
+                )
+            return solution
+
+        return checked
+
+    return decorated
+
+
 def refuse_unknown(standard: Standard, subject: str, allowed: Collection[type[Structure]]) -> None:
     """Raises where a program has a structure that something does not know how to state.
 

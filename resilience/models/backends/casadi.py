@@ -15,7 +15,7 @@ from resilience.models.backends.base import (
     LeafCuts,
     Solution,
     crossed,
-    failures_named,
+    of_solver,
     refuse_unknown,
 )
 from resilience.models.program.referee import row_violations
@@ -79,7 +79,7 @@ class NLP:
         columns, values = self._cuts.add(node, alpha, beta)
         self._cut_rows.append((columns, values, -np.asarray(alpha)))
 
-    @failures_named("Ipopt")
+    @of_solver("Ipopt")
     def solve(self) -> Solution:
         """Solves to a local optimum; 'none' where Ipopt found no feasible point."""
         import casadi as ca

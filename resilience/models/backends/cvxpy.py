@@ -20,7 +20,7 @@ from resilience.models.backends.base import (
     Solution,
     Status,
     crossed,
-    failures_named,
+    of_solver,
     refuse_unknown,
 )
 from resilience.models.program.dual_bound import cone_share, safe_bound
@@ -99,7 +99,7 @@ class Conic:
         vectors = replace(v, row_lower=low, row_upper=np.append(v.row_upper, h))
         return sp.vstack([self.standard.a, g], format="csr"), vectors
 
-    @failures_named("Clarabel")
+    @of_solver("Clarabel")
     def solve(self) -> Solution:
         """Solves the relaxation."""
         cp: Any = importlib.import_module("cvxpy")

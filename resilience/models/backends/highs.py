@@ -17,6 +17,7 @@ from resilience.models.backends.base import (
     Solution,
     Status,
     failures_named,
+    of_solver,
 )
 from resilience.models.backends.highs_model import (
     LINEAR_OPTIONS,
@@ -171,7 +172,7 @@ class Highs:
         columns = np.flatnonzero(self.standard.integer)
         self.model.set_start(columns, np.round(z[columns]))
 
-    @failures_named("HiGHS")
+    @of_solver("HiGHS")
     def solve(self) -> Solution:
         """Solves; a MIP stopped by its limits returns its incumbent and its dual bound."""
         if np.isfinite(self.time_limit):

@@ -56,6 +56,8 @@ class Plain:
         if status is not RunStatus.OPTIMAL:
             raise SolverError(f"a linear program ended as {self._model.status_text}")
         solution = self._model.solution
+        if not (np.isfinite(solution.values).all() and np.isfinite(solution.multipliers).all()):
+            raise SolverError("HiGHS answered with values that are no numbers")
         return solution.values, solution.multipliers
 
     def bound(self, multipliers: Floats, lower: Floats, upper: Floats) -> float:

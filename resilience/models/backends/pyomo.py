@@ -15,6 +15,7 @@ from resilience.models.backends.base import (
     LeafCuts,
     Solution,
     failures_named,
+    of_solver,
     refuse_unknown,
 )
 from resilience.models.backends.lower import Lowered, lower
@@ -233,6 +234,7 @@ class Pyomo:
         options = {} if path.suffix == ".nl" else {"symbolic_solver_labels": True}
         self.model.write(str(path), format=FORMATS[path.suffix], io_options=options)
 
+    @of_solver("the solver behind pyomo")
     def solve(self) -> Solution:
         """Solves with HiGHS or SCIP."""
         return self._highs() if self.solver == "highs" else self._scip()

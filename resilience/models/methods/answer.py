@@ -168,7 +168,11 @@ def broken_facts(standard: Standard, z: Floats) -> list[str]:
             facts.append(unrolled.structure.shortfall(unrolled.violation(z), RELAXATION_TOLERANCE))
     loose = fractional(standard, z)
     if loose.any():
-        facts.append(f"integrality: {loose.sum()} of {standard.integer.sum()} integers fractional")
+        off = np.abs(z - np.round(z))[loose].max()
+        facts.append(
+            f"integrality: {loose.sum()} of {standard.integer.sum()} integers fractional, "
+            f"by {off:.2g} at most"
+        )
     return [fact for fact in facts if fact]
 
 

@@ -9,7 +9,8 @@ other prices is judged alike.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Collection, Iterable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -43,22 +44,23 @@ def rounding(objective: float, scale: float) -> float:
 
 
 def gap(objective: float, bound: float, scale: float) -> float:
-    """(objective - bound) / |objective|; inf where one of them is no number or infinite.
+    """(objective - bound) / |objective|; inf where there is no answer yet, or no bound.
 
     Below the rounding of the program's own costs, that takes the place of |objective|.
 
     Args:
-        objective: of the answer, $.
-        bound: proven, $.
+        objective: of the answer, $; inf: there is none.
+        bound: proven, $; -inf: there is none.
         scale: `cost_scale` of the program, $.
 
     Raises:
-        CertificateError: the bound lies above the objective by more than rounding.
+        CertificateError: the bound lies above the objective by more than rounding, or one of the
+            two is no number.
     """
-    if not (np.isfinite(bound) and np.isfinite(objective)):
-        return np.inf
+    if objective == math.inf or bound == -math.inf:
+        return math.inf
     room = rounding(objective, scale)
-    if bound - objective > room:
+    if not (math.isfinite(objective) and bound - objective <= room):
         raise CertificateError(
             f"a bound of {bound:.9g} $ is proven, but an answer costs {objective:.9g} $: {FAULT}",
             hint=HINT,
@@ -98,6 +100,33 @@ def check_costs(objective: float, terms: Mapping[str, float], scale: float) -> N
             + FAULT,
             hint=HINT,
         )
+
+
+def check_energy(stated: Mapping[str, float], tabulated: Mapping[str, float]) -> None:
+    """Refuses an energy balance that is not that of its tables.
+
+    Args:
+        stated: MWh by term.
+        tabulated: the same, from the tables.
+
+    Raises:
+        CertificateError: likewise; the term that is farthest off is named.
+    """
+    largest = max((abs(mwh) for mwh in tabulated.values()), default=0.0)
+    off = {name: abs(stated.get(name, math.nan) - mwh) for name, mwh in tabulated.items()}
+    wrong = [name for name, mwh in off.items() if not mwh <= AUDIT_TOLERANCE * largest]
+    if wrong:
+        worst = max(wrong, key=lambda name: off[name])
+        raise CertificateError(
+            f"{worst} is {stated.get(worst, math.nan):.9g} MWh in the energy balance, and "
+            f"{tabulated[worst]:.9g} MWh in the tables: {FAULT}",
+            hint=HINT,
+        )
+
+
+def names_of(relaxed: Iterable[str]) -> set[str]:
+    """What is said to be left relaxed, as an audit calls it: `ess` of "ess: 1 of 2 modes ..."."""
+    return {fact.partition(":")[0] for fact in relaxed}
 
 
 def check_audit(audit: Audit, relaxed: Collection[str]) -> None:

@@ -182,11 +182,6 @@ class Mode(Structure):
             values: (arguments, n) of the columns.
         """
 
-    def shortfall(self, violation: Floats, tolerance: float) -> str:
-        """See `Structure.shortfall`; the size of a violation says nothing about a mode."""
-        count = int((violation > tolerance).sum())
-        return f"{self.name}: {count} of {len(violation)} {self.complaint}" if count else ""
-
 
 class SecondOrder(Structure):
     """A structure that is, or is relaxed to, `|(x1, x2, ...)| <= t` with affine x and t."""

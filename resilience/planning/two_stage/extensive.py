@@ -8,12 +8,12 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, SolverError
-from resilience.models.backends.base import Solution, Status
+from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.risk_averse import RiskAverse
-from resilience.models.methods.answer import gap
 from resilience.models.methods.explain import grouped
+from resilience.models.program.gate import gap, status_of
 from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Standard, Vectors
 from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution
@@ -29,6 +29,7 @@ def extensive(two_stage: TwoStage, options: DecompositionOptions | None = None) 
     Raises:
         InfeasibleError: there is no point; what conflicts is named, with its scenario.
         SolverError: no point was found in time.
+        CertificateError: the bound lies above the plan.
     """
     options = options or DecompositionOptions()
     standard, risk = two_stage.extensive_form(), two_stage.risk
@@ -49,9 +50,8 @@ def extensive(two_stage: TwoStage, options: DecompositionOptions | None = None) 
     probability = np.append([b.probability for b in two_stage.branches], two_stage.staying)
     value = risk.value(cost, probability)
     bound = solution.bound if solver.is_mip else solver.certified_bound(solution)
-    done = gap(value, bound) <= options.gap
-    status: Status = "optimal" if done else "feasible"
-    return TwoStageSolution(status, trunk, points, cost, probability, value, min(bound, value))
+    status = status_of(gap(value, bound, two_stage.cost_scale), options.gap)
+    return TwoStageSolution(status, trunk, points, cost, probability, value, bound)
 
 
 def own_columns(standard: Standard) -> list[Ints]:

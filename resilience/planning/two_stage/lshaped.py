@@ -22,7 +22,8 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.base import Status
-from resilience.models.methods.answer import Deadline, gap
+from resilience.models.methods.answer import Deadline
+from resilience.models.program.gate import gap, status_of
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.master import Master, Trial
 from resilience.planning.two_stage.recourse import Recourse, SecondStage
@@ -89,6 +90,7 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
     Raises:
         InfeasibleError: the trunk, or a scenario behind it, has no point; it is named.
         SolverError: the solver failed.
+        CertificateError: its bound lies above a plan.
     """
     options = options or DecompositionOptions()
     deadline = Deadline(options.time_limit)
@@ -100,7 +102,7 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
     has_start = trial is not None
     trial = trial or master.solve()
     best: tuple[float, Trial, SecondStage, Floats] | None = None
-    bound, start_cost = -np.inf, None
+    bound, start_cost, scale = -np.inf, None, two_stage.cost_scale
     for k in range(MAX_ROUNDS):
         with phase(
             "scenarios", f"round {k + 1}" + ("" if best is None else _so_far(best[0], bound))
@@ -113,26 +115,26 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
             start_cost = cost
         if best is None or value < best[0]:
             best = value, trial, second, cost
-        if gap(best[0], bound) <= options.gap or (deadline.remaining_s <= 0 and np.isfinite(bound)):
+        reached = gap(best[0], bound, scale)
+        if reached <= options.gap or (deadline.remaining_s <= 0 and np.isfinite(bound)):
             break
         master.add(second)
         with phase("first stage"):
             trial = master.solve()
         bound = max(bound, trial.bound)
-        if gap(best[0], bound) <= options.gap:
+        if gap(best[0], bound, scale) <= options.gap:
             break
     else:
         raise SolverError(f"the L-shaped method did not close its gap in {MAX_ROUNDS} rounds")
     value, trial, second, cost = best
-    done: Status = "optimal" if gap(value, bound) <= options.gap else "feasible"
     return TwoStageSolution(
-        done,
+        status_of(gap(value, bound, scale), options.gap),
         trial.z,
         second.points,
         cost,
         master.probability,
         value,
-        min(bound, value),
+        bound,
         start_cost,
         k + 1,
     )

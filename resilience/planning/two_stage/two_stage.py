@@ -20,6 +20,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
+from resilience.models.program.gate import cost_scale
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
@@ -153,6 +154,21 @@ class TwoStage:
         """Labels of a program's steps, without the name of a scenario."""
         longest = next(b for b in self.branches if b.program == program and b.offset == 0)
         return [self.tree.labels[node].partition(IN)[0] for node in longest.nodes]
+
+    @cached_property
+    def cost_scale(self) -> float:
+        """The most that one quantity can cost in any scenario, $: see `gate.cost_scale`.
+
+        Scenarios differ in their lines, which cost nothing: the trunk and the longest branch of
+        every kind tell.
+        """
+        vectors = [self.first.vectors(self.first_data, self.x0)]
+        for branch in self.branches:
+            if branch.offset == 0:
+                program = self.programs[branch.program]
+                zero = {name: np.zeros(len(at)) for name, at in program.initial.items()}
+                vectors.append(program.vectors(self.data_of(branch.nodes), zero))
+        return max(map(cost_scale, vectors))
 
     @property
     def first_data(self) -> dict[str, Floats]:

@@ -81,7 +81,8 @@ def test_it_is_the_extensive_form(seed: int, risk: Risk) -> None:
     cut, whole = lshaped(two, TIGHT), extensive(two, TIGHT)
     assert cut.objective == pytest.approx(whole.objective, rel=1e-8)
     assert cut.bound == pytest.approx(whole.objective, rel=1e-8)
-    assert cut.bound <= cut.objective
+    # Not capped: sums of some hundred doubles, in two orders.
+    assert cut.bound <= cut.objective + 1e-12 * two.cost_scale
     for found in (cut, whole):
         assert found.probability.sum() == pytest.approx(1.0)
         assert risk.value(found.cost, found.probability) == pytest.approx(found.objective)

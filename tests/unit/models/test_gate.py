@@ -42,10 +42,18 @@ def test_a_gap_is_relative_to_rounding_where_nothing_is_spent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("objective", "bound"), [(math.nan, 3.0), (5.0, -math.inf), (5.0, math.nan)]
+    ("objective", "bound"), [(math.inf, 3.0), (5.0, -math.inf), (math.inf, math.inf)]
 )
-def test_without_two_numbers_the_gap_is_infinite(objective: float, bound: float) -> None:
+def test_without_an_answer_or_a_bound_the_gap_is_infinite(objective: float, bound: float) -> None:
     assert gap(objective, bound, 2.0) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("objective", "bound"), [(math.nan, 3.0), (5.0, math.nan), (5.0, math.inf), (-math.inf, 3.0)]
+)
+def test_what_is_no_number_proves_nothing(objective: float, bound: float) -> None:
+    with pytest.raises(CertificateError):
+        gap(objective, bound, 2.0)
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e-3, 1e3, 1e6])

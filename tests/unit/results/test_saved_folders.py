@@ -18,7 +18,7 @@ PLAN: dict[str, Any] = {
     "name": "small",
     "method": "lp",
     "physics": "lindistflow",
-    "status": "optimal",
+    "status": "feasible",
     "objective": 7.5,
     "operating_cost": 8.0,
     "terminal_credit": 0.5,
