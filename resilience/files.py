@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -88,3 +90,30 @@ def replacing_file(path: Path) -> Iterator[Path]:
         fresh = Path(folder) / path.name
         yield fresh
         os.replace(fresh, path)
+
+
+DAMAGED = (
+    zipfile.BadZipFile, zlib.error, EOFError, ValueError, TypeError, KeyError, IndexError,
+    AttributeError, NotImplementedError, OverflowError, MemoryError, OSError,
+)  # fmt: skip
+"""What reading a file of data raises where some of its bytes are others."""
+
+
+@contextmanager
+def reading(path: Path, contents: str = "trajectory") -> Iterator[None]:
+    """Names the file or folder in which reading fails, whatever its library raises.
+
+    Args:
+        path: of the file or folder.
+        contents: what should be in it.
+
+    Raises:
+        UsageError: it is damaged, or of another kind.
+    """
+    try:
+        yield
+    except DAMAGED as error:
+        raise UsageError(
+            f"{path} holds no {contents}: {type(error).__name__}: {error}",
+            hint="it is damaged or of another kind; run the command again that wrote it",
+        ) from error

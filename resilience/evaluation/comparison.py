@@ -6,15 +6,21 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from resilience.arrays import Floats
-from resilience.errors import UsageError
+from resilience.arrays import Floats, Ints
+from resilience.errors import CertificateError, UsageError
+from resilience.files import reading
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.case_program import case_cost_scale
+from resilience.models.program import gate
+from resilience.models.program.gate import of_file
+from resilience.simulation.audit import check_trajectory
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectories
+from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -75,6 +81,33 @@ class Comparison:
     forecast_error: str = "none"
 
 
+def check_bound(
+    objective: Mapping[str, Floats], bound: Floats, scale: float, numbers: Ints | None = None
+) -> None:
+    """Refuses methods that cost less than what is proven to be the least.
+
+    Args:
+        objective: method to (episodes,) $; the clairvoyant is among them.
+        bound: (episodes,) $.
+        scale: what rounding is relative to, $, see `gate.cost_scale`.
+        numbers: (episodes,) what they are called; 0, 1, ... if omitted.
+
+    Raises:
+        CertificateError: one does, or a number is none; method, episode, cost and bound are named.
+    """
+    for name, costs in objective.items():
+        room = gate.rounding(costs, scale)
+        wrong = np.flatnonzero(~(np.isfinite(costs) & (bound - costs <= room)))
+        if len(wrong):
+            k = int(wrong[0])
+            episode = k if numbers is None else int(numbers[k])
+            raise CertificateError(
+                f"{name} costs {costs[k]:.9g} $ in episode {episode}, where {bound[k]:.9g} $ are "
+                f"proven to be the least: {gate.FAULT}",
+                hint=gate.HINT,
+            )
+
+
 def day_spans(case: Case) -> list[slice]:
     """The slots of every day of the horizon, midnight to midnight."""
     dates = [case.window.time(t).date() for t in range(case.slots)]
@@ -91,7 +124,9 @@ def load_comparison(folder: str | Path) -> Comparison:
     """Reads what `Report.save` wrote, as far as it is drawn.
 
     Raises:
-        UsageError: the folder holds no comparison, or none with its case and trajectories.
+        UsageError: the folder holds no comparison, a damaged one, or none with its case and
+            trajectories.
+        CertificateError: its costs, bound and trajectories contradict each other.
     """
     import pandas as pd
 
@@ -111,15 +146,45 @@ def load_comparison(folder: str | Path) -> Comparison:
             hint="run `resilience compare --out` again",
         )
     case = load_case(root / "case.toml")
-    summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
-    episodes = pd.read_parquet(root / "episodes.parquet")
-    costs = {str(name): np.asarray(episodes[name], float) for name in episodes.columns}
-    return Comparison(
-        case=case,
-        scenarios=load_scenarios(root / "scenarios.npz", case),
-        trajectories={name: trajectories[name] for name in costs if name in trajectories},
-        bound=costs.pop("bound"),
-        objective=costs,
-        end_value_per_mwh=summary["end_value_per_mwh"],
-        forecast_error=summary.get("forecast_error", "none"),
-    )
+    scenarios = load_scenarios(root / "scenarios.npz", case)
+    with reading(root, "comparison"):
+        summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
+        episodes = pd.read_parquet(root / "episodes.parquet")
+        costs = {str(name): np.asarray(episodes[name], float) for name in episodes.columns}
+        found = Comparison(
+            case=case,
+            scenarios=scenarios,
+            bound=costs.pop("bound"),
+            trajectories={name: trajectories[name] for name in costs},
+            objective=costs,
+            end_value_per_mwh=float(summary["end_value_per_mwh"]),
+            forecast_error=summary.get("forecast_error", "none"),
+        )
+        with of_file(root):
+            _check(found, summary)
+    return found
+
+
+def _check(found: Comparison, summary: Mapping[str, Any]) -> None:
+    """Holds costs, bound and trajectories of a folder against each other, and against the case
+    where all that happened follows from it: forecast errors are not kept.
+
+    Raises:
+        CertificateError: they contradict each other.
+    """
+    scale = case_cost_scale(found.case)
+    check_bound(found.objective, found.bound, scale)
+    for name, trajectory in found.trajectories.items():
+        for stated, spent in zip(
+            found.objective[name], trajectory.objective(found.end_value_per_mwh), strict=True
+        ):
+            gate.check_costs(float(stated), {f"trajectory of {name}": float(spent)}, scale)
+    if found.forecast_error == "none":
+        world = World.build(
+            microgrid_with_fallible_lines(found.case, found.scenarios, summary["physics"]),
+            found.scenarios,
+            end_value_per_mwh=found.end_value_per_mwh,
+            reset_daily=bool(summary["reset_daily"]),
+        )
+        for trajectory in found.trajectories.values():
+            check_trajectory(world, trajectory)

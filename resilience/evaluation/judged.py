@@ -14,12 +14,13 @@ from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import REFERENCE, names_planning_for
 from resilience.evaluation.ac_check import TrajectoryACCheck
-from resilience.evaluation.comparison import BOUND
+from resilience.evaluation.comparison import BOUND, check_bound
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import Measures
 from resilience.evaluation.measures.metrics import Adequacy
 from resilience.evaluation.measures.statistics import MeanInterval
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.case_program import case_cost_scale
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 
@@ -48,6 +49,14 @@ class Judged:
     forecast_error: str = "none"
 
     reference = REFERENCE
+
+    def __post_init__(self) -> None:
+        """Refuses methods that beat the bound.
+
+        Raises:
+            CertificateError: one does; method, episode, cost and bound are named.
+        """
+        check_bound(self.objective, self.bound, case_cost_scale(self.case), self.world.index)
 
     @property
     def case(self) -> Case:

@@ -18,6 +18,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from resilience.dispatch.registry import DISPATCHERS, Factory
+from resilience.errors import CertificateError, UsageError
+from resilience.evaluation.comparison import check_bound
+from resilience.models.case_program import case_cost_scale
+from resilience.models.program.gate import HINT, of_file
+from resilience.simulation.audit import check_trajectory
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
 
@@ -49,9 +54,30 @@ class Store:
         self.folder = folder / PARTS_FOLDER
 
     def get(self, name: str, world: World, make: Factory | None) -> Trajectory | None:
-        """A part that was kept, None where there is none."""
+        """A part that was kept; None where there is none, or one that cannot be read.
+
+        Raises:
+            CertificateError: it can be read, but cannot have happened; its file is named.
+        """
         path = self.part_file(name, world, make)
-        return load_trajectory(path) if path.is_file() else None
+        if not path.is_file():
+            return None
+        try:
+            part = load_trajectory(path)
+        except UsageError:
+            return None
+        with of_file(path):
+            check_trajectory(world, part)
+            if make is None:
+                self._check_proven(world, part)
+        return part
+
+    def _check_proven(self, world: World, part: Trajectory) -> None:
+        """Refuses a clairvoyant that costs less than it proves, or proves nothing."""
+        if part.proven is None:
+            raise CertificateError("the clairvoyant proves no bound", hint=HINT)
+        costs = {part.name: part.objective(world.end_value_per_mwh)}
+        check_bound(costs, part.proven, case_cost_scale(world.microgrid.case), world.index)
 
     def put(self, trajectory: Trajectory, world: World, make: Factory | None) -> None:
         """Keeps a part: its file appears whole or not at all."""

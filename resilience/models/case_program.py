@@ -13,6 +13,7 @@ from resilience.models.algebra import Labels
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
+from resilience.models.program.gate import cost_scale
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
 
@@ -115,6 +116,14 @@ def horizon(case: Case, physics: Physics = "lindistflow") -> CaseProgram:
     is_last = np.arange(case.slots) == case.slots - 1
     situation = microgrid.situation(up, before=line_up_before(up, standard.tree), is_last=is_last)
     return CaseProgram(microgrid, standard, situation, microgrid.data(situation), microgrid.start())
+
+
+def case_cost_scale(case: Case) -> float:
+    """The most that one quantity of a case can cost in a slot, $: see `gate.cost_scale`.
+
+    Costs do not depend on the physics, of which copperplate is the quickest to state.
+    """
+    return cost_scale(horizon(case, "copperplate").vectors)
 
 
 def as_switched(program: CaseProgram, z: Floats) -> Situation:

@@ -13,11 +13,11 @@ import json
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from resilience.errors import UsageError
-from resilience.files import replacing
-from resilience.models.program.gate import check_costs, check_energy
+from resilience.files import reading, replacing
+from resilience.models.program.gate import check_costs, check_energy, of_file
 from resilience.planning.records import (
     SUMMARY_FILE,
     Certificate,
@@ -32,6 +32,8 @@ from resilience.planning.tables import balance, table_units
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from resilience.case import Case
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +147,8 @@ def load_plan(folder: str | Path) -> Plan:
     """Reads a plan that `Plan.save` wrote.
 
     Raises:
-        UsageError: the folder holds no plan.
+        UsageError: the folder holds no plan, or a damaged one.
+        CertificateError: its numbers contradict each other or its tables.
     """
     root = Path(folder)
     if not (root / SUMMARY_FILE).is_file():
@@ -153,7 +156,8 @@ def load_plan(folder: str | Path) -> Plan:
             f"{root} holds no result: there is no {SUMMARY_FILE} in it",
             hint="name the folder that `solve --out` wrote; a hazard is drawn by `hazard --plot`",
         )
-    summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
+    with reading(root / SUMMARY_FILE, "summary of a plan"):
+        summary = dict(json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8")))
     if summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",
@@ -164,6 +168,11 @@ def load_plan(folder: str | Path) -> Plan:
         from resilience.case import load_case
 
         case = load_case(root / "case.toml")
+    with reading(root, "plan"), of_file(root):
+        return _read_plan(root, summary, case)
+
+
+def _read_plan(root: Path, summary: dict[str, Any], case: Case | None) -> Plan:
     return Plan(
         name=summary["name"],
         method=summary["method"],

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from resilience.errors import CertificateError
-from resilience.models.case_program import horizon
+from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
 from resilience.planning.tables import SlotTable
@@ -237,8 +237,7 @@ class CertifiedPlan:
             return self.certificate.cost_scale
         if self.case is None:
             return max((abs(cost) for cost in self.totals.terms.values()), default=0.0)
-        # Costs do not depend on the physics, and this one is the quickest to state.
-        return gate.cost_scale(horizon(self.case, "copperplate").vectors)
+        return case_cost_scale(self.case)
 
     @property
     def status(self) -> Status:

@@ -19,14 +19,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import CertificateError, UsageError
-from resilience.files import replacing
+from resilience.files import reading, replacing
 from resilience.models.program import gate
+from resilience.models.program.gate import of_file
 from resilience.models.program.risk import Risk
 from resilience.planning.records import (
     SUMMARY_FILE,
@@ -45,6 +46,7 @@ from resilience.planning.tables import SlotTable, table_units
 if TYPE_CHECKING:
     import pandas as pd
 
+    from resilience.case import Case
     from resilience.fragility.outages.scenarios import Scenarios
 
 BANDS = {
@@ -288,17 +290,19 @@ class ScenarioPlan(CertifiedPlan):
 def holds_scenario_plan(folder: str | Path) -> bool:
     """Whether `ScenarioPlan.save` wrote this folder."""
     path = Path(folder) / SUMMARY_FILE
-    return path.is_file() and "common_slots" in json.loads(path.read_text(encoding="utf-8"))
+    if not path.is_file():
+        return False
+    with reading(path, "summary of a plan"):
+        return "common_slots" in json.loads(path.read_text(encoding="utf-8"))
 
 
 def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
     """Reads a plan that `ScenarioPlan.save` wrote.
 
     Raises:
-        UsageError: the folder holds no such plan.
+        UsageError: the folder holds no such plan, or a damaged one.
+        CertificateError: its numbers contradict each other or its tables.
     """
-    import pandas as pd
-
     from resilience.case import load_case
     from resilience.fragility.outages.files import load_scenarios
 
@@ -310,6 +314,14 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         )
     summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
     case = load_case(root / "case.toml")
+    outages = load_scenarios(root / SCENARIOS_FILE, case)
+    with reading(root, "plan over scenarios"), of_file(root):
+        return _read_plan(root, summary, case, outages)
+
+
+def _read_plan(root: Path, summary: dict[str, Any], case: Case, outages: Scenarios) -> ScenarioPlan:
+    import pandas as pd
+
     episodes = pd.read_parquet(root / "scenarios.parquet")
     power = pd.read_parquet(root / "recourse.parquet")
     shape = (len(episodes), len(power) // max(len(episodes), 1), power.shape[1])
@@ -341,5 +353,5 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         bands=read_tables(root, {name: f"band_{name}" for name in BANDS}),
         episodes={str(name): episodes[name].to_numpy() for name in episodes},
         recourse=(tuple(power.columns), power.to_numpy().reshape(shape).transpose(2, 1, 0)),
-        outages=load_scenarios(root / SCENARIOS_FILE, case),
+        outages=outages,
     )

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from resilience.simulation.audit import check_trajectory
 from resilience.simulation.observation import Dispatcher, Observation
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
@@ -22,6 +23,9 @@ def simulate(
         world: the storms.
         dispatcher: a fresh one; it may remember what it has observed.
         on_slot: called after every slot.
+
+    Raises:
+        CertificateError: what was simulated breaks a limit, a balance or its price.
     """
     case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
     energy = start = world.start()
@@ -46,4 +50,6 @@ def simulate(
         trajectory.energy[:, t + 1] = energy
         if on_slot is not None:
             on_slot()
-    return replace(trajectory, left_mwh=credited, seconds=seconds, cpu_seconds=cpu)
+    done = replace(trajectory, left_mwh=credited, seconds=seconds, cpu_seconds=cpu)
+    check_trajectory(world, done)
+    return done

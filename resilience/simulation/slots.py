@@ -9,7 +9,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.microgrid import Microgrid
-from resilience.models.network.situation import reached
+from resilience.models.network.situation import Situation, reached
 from resilience.models.simulator import NetworkSimulator, Simulator
 
 Stepper = Simulator | NetworkSimulator
@@ -30,6 +30,32 @@ class Slot:
     data: dict[str, Floats]
     stacked: Floats
     island: Ints
+
+
+def stretch_data(
+    microgrid: Microgrid,
+    line_up: Bools,
+    profile: Callable[[str | None, Ints], Floats],
+    slots: Ints,
+) -> tuple[dict[str, Floats], Situation]:
+    """The data of some slots in all scenarios, (labels, slots * scenarios) by name, slot by slot.
+
+    Args:
+        microgrid: the microgrid.
+        line_up: as in `Slots`.
+        profile: likewise.
+        slots: which.
+    """
+    lines, _, n = line_up.shape
+    profiles: dict[str | None, Floats] = {}
+
+    def flat(name: str | None) -> Floats:
+        if name not in profiles:
+            profiles[name] = profile(name, slots).ravel()
+        return profiles[name]
+
+    situation = microgrid.situation(line_up[:, slots].reshape(lines, len(slots) * n), flat)
+    return microgrid.data(situation), situation
 
 
 class Slots:
@@ -88,18 +114,9 @@ class Slots:
 
     def _stretch(self, first: int) -> list[Slot]:
         """The slots from `first` on, as many as a stretch has."""
-        lines, horizon, n = self.line_up.shape
+        _, horizon, n = self.line_up.shape
         slots = np.arange(first, min(first + self.length, horizon))
-        up = self.line_up[:, slots].reshape(lines, len(slots) * n)
-        profiles: dict[str | None, Floats] = {}
-
-        def profile(name: str | None) -> Floats:
-            if name not in profiles:
-                profiles[name] = self.profile(name, slots).ravel()
-            return profiles[name]
-
-        situation = self.microgrid.situation(up, profile)
-        data = self.microgrid.data(situation)
+        data, situation = stretch_data(self.microgrid, self.line_up, self.profile, slots)
 
         def apart(array: np.ndarray) -> np.ndarray:
             """(slots, labels, scenarios), each slot in one piece."""

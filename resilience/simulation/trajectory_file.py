@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.files import replacing_file
+from resilience.files import reading, replacing_file
 from resilience.simulation.trajectory import Trajectory
 
 FOLDER = "trajectories"
@@ -47,15 +46,37 @@ def load_trajectory(path: str | Path) -> Trajectory:
         raise UsageError(
             f"trajectory file {path} does not exist", hint="`resilience compare --out` writes some"
         )
-    try:
-        with np.load(path) as file:
-            values = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
-    except (zipfile.BadZipFile, EOFError, ValueError) as error:
-        raise _unreadable(path) from error
+    with reading(path), path.open("rb") as opened, np.load(opened) as file:
+        values = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
     needed = {f.name for f in fields(Trajectory) if f.default is MISSING}
-    if not needed <= values.keys():
+    if not (needed <= values.keys() and _are_of_one_trajectory(values)):
         raise _unreadable(path)
     return Trajectory(**values)
+
+
+def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
+    """Whether kinds and shapes of all fields fit each other, and every number is one."""
+    cost, columns = values["cost"], values["columns"]
+    if not isinstance(columns, tuple) or np.ndim(cost) != 2:
+        return False
+    slots, n = np.shape(cost)
+    units = np.shape(values["energy"])[:1]
+    shapes = {
+        "cost": (slots, n),
+        "energy": (*units, slots + 1, n),
+        "storage": (*units, slots, n),
+        "flows": (len(columns), slots, n),
+        "spill": (slots, n),
+        "left_mwh": (n,),
+        "proven": (n,),
+    }
+    numbers = {f for f in values if f not in ("name", "columns")}
+    return (
+        isinstance(values["name"], str)
+        and all(np.asarray(values[f]).dtype.kind in "fi" for f in numbers)
+        and all(np.isfinite(values[f]).all() for f in numbers)
+        and all(np.shape(values[f]) == shapes.get(f, ()) for f in numbers)
+    )
 
 
 def _unreadable(path: Path) -> UsageError:

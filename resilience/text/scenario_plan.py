@@ -83,9 +83,16 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
         ("expected shedding", f"{plan.expected_shed_mwh:.4f} MWh"),
         ("probability of shedding", f"{100 * plan.shed_probability:.2f} %"),
         ("energy left, expected", f"{float(p @ energy):.3f} MWh"),
-        ("value of perfect information", f"{plan.value_of_perfect_information:.4f} $"),
+        ("value of perfect information", _worth(plan, plan.value_of_perfect_information)),
     ]
     if plan.value_of_stochastic_solution is not None:
-        more = f"{plan.value_of_stochastic_solution:.4f} $"
+        more = _worth(plan, plan.value_of_stochastic_solution)
         rows.append(("value of the stochastic solution", more))
     return grid("Over scenarios", rows, "", "")
+
+
+def _worth(plan: ScenarioPlan, value: float) -> str:
+    """A difference to the plan's cost, which, where it was searched for, is known to its gap."""
+    doubt = 0.0 if plan.algorithm == "simulation" else round(plan.objective - plan.bound, 4)
+    text = f"{round(value, 4) + 0.0:.4f} $"  # adding 0.0 makes a rounded -0.0 a plain zero
+    return f"{text}, within the gap of {doubt:.4f} $" if abs(value) <= doubt else text

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import wraps
-from typing import Literal, ParamSpec, Protocol, TypeVar
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 
@@ -16,35 +17,6 @@ from resilience.models.structures import Structure
 from resilience.tolerances import CROSSED_BOUNDS_TOLERANCE
 
 Status = Literal["optimal", "feasible", "infeasible", "none"]
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def failures_named(solver: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Makes every foreign exception of what calls a solver's library a `SolverError` that names it.
-
-    Errors of this package pass, and so does what ends the program, as Ctrl-C does.
-
-    Args:
-        solver: its name, for people.
-    """
-
-    def named(call: Callable[P, R]) -> Callable[P, R]:
-        @wraps(call)
-        def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
-            try:
-                return call(*args, **kwargs)
-            except ResilienceError:
-                raise
-            except Exception as error:
-                raise SolverError(
-                    f"{solver} failed: {type(error).__name__}: {error}",
-                    hint="report it with the case; another --method may do meanwhile",
-                ) from error
-
-        return guarded
-
-    return named
 
 
 @dataclass(frozen=True)
@@ -118,37 +90,56 @@ class Backend(Protocol):
 
 
 B = TypeVar("B")
+HINT = "report it with the case; another --method may do meanwhile"
+
+
+@contextmanager
+def failures_of(solver: str) -> Iterator[None]:
+    """Whatever a solver's own library raises inside is an error that names the solver.
+
+    Around a block, or as the decorator of what calls the library. Errors of this package pass, and
+    so does what ends the program, as Ctrl-C does.
+
+    Args:
+        solver: what users know it as.
+
+    Raises:
+        SolverError: it failed.
+    """
+    try:
+        yield
+    except ResilienceError:
+        raise
+    except Exception as error:
+        raise SolverError(f"{solver} failed: {type(error).__name__}: {error}", hint=HINT) from error
 
 
 def of_solver(solver: str) -> Callable[[Callable[[B], Solution]], Callable[[B], Solution]]:
-    """Of every backend's `solve`: what goes wrong in there is an error that names the solver.
-
-    Whatever the solver's own library raises becomes a `SolverError`, and so does an answer whose
-    numbers are none.
+    """Decorates every backend's `solve`: an answer whose numbers are none is a `SolverError`, too.
 
     Args:
         solver: what users know it as.
     """
 
     def decorated(solve: Callable[[B], Solution]) -> Callable[[B], Solution]:
-        guarded = failures_named(solver)(solve)
-
         @wraps(solve)
         def checked(backend: B) -> Solution:
-            solution = guarded(backend)
-            point = solution.z
-            if np.isnan(solution.bound) or not (
-                point is None or (np.isfinite(point).all() and np.isfinite(solution.objective))
-            ):
-                raise SolverError(
-                    f"{solver} answered with values that are no numbers",
-                    hint="report it with the case; another --method may do meanwhile",
-                )
+            with failures_of(solver):
+                solution = solve(backend)
+            z, value, bound = solution.z, solution.objective, solution.bound
+            sound = z is None or (np.isfinite(z).all() and np.isfinite(value))
+            if np.isnan(bound) or not sound:
+                raise no_numbers(solver)
             return solution
 
         return checked
 
     return decorated
+
+
+def no_numbers(solver: str) -> SolverError:
+    """What to raise where a solver's values are no numbers."""
+    return SolverError(f"{solver} answered with values that are no numbers", hint=HINT)
 
 
 def refuse_unknown(standard: Standard, subject: str, allowed: Collection[type[Structure]]) -> None:

@@ -16,7 +16,7 @@ from resilience.models.backends.base import (
     LeafCuts,
     Solution,
     Status,
-    failures_named,
+    failures_of,
     of_solver,
 )
 from resilience.models.backends.highs_model import (
@@ -217,7 +217,7 @@ class Highs:
         v = self._with_extra_rows(self.lowered.vectors(self._sent))
         return safe_bound(self._matrix(), v, solution.duals.rows)
 
-    @failures_named("HiGHS")
+    @failures_of("HiGHS")
     def conflict(self, seconds: float = EXPLAIN_S) -> list[str]:
         """Names of rows and columns that together admit no point; empty if none were found soon."""
         rows, columns = self.model.conflict(seconds)
@@ -227,7 +227,7 @@ class Highs:
         bounds = [f"bounds of {standard.column_name(j)}" for j in columns if j < standard.n_columns]
         return names + ([f"{unnamed} rating or mode rows"] if unnamed else []) + bounds
 
-    @failures_named("HiGHS")
+    @failures_of("HiGHS")
     def missed(self, rows: Ints, seconds: float = EXPLAIN_S) -> list[str]:
         """Names of those of `rows` that have to be missed for all others to hold, the worst few."""
         penalty = np.full(self._matrix().shape[0], -1.0)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
-from resilience.models.backends.base import failures_named
+from resilience.models.backends.base import failures_of, no_numbers
 from resilience.models.backends.highs_model import LINEAR_OPTIONS, HighsModel, RunStatus
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
@@ -43,21 +43,25 @@ class Plain:
         self.vectors.lower[columns], self.vectors.upper[columns] = lower, upper
         self._model.change_bounds(columns, lower, upper)
 
-    @failures_named("HiGHS")
     def solve(self) -> tuple[Floats, Floats] | None:
         """The optimal values (columns,) and multipliers (rows,), None where there is no point.
 
         Raises:
             SolverError: the solver stopped for any other reason.
         """
+        with failures_of("HiGHS"):
+            answer = self._solved()
+        if answer is not None and not all(np.isfinite(array).all() for array in answer):
+            raise no_numbers("HiGHS")
+        return answer
+
+    def _solved(self) -> tuple[Floats, Floats] | None:
         status = self._model.run()
         if status is RunStatus.INFEASIBLE:
             return None
         if status is not RunStatus.OPTIMAL:
             raise SolverError(f"a linear program ended as {self._model.status_text}")
         solution = self._model.solution
-        if not (np.isfinite(solution.values).all() and np.isfinite(solution.multipliers).all()):
-            raise SolverError("HiGHS answered with values that are no numbers")
         return solution.values, solution.multipliers
 
     def bound(self, multipliers: Floats, lower: Floats, upper: Floats) -> float:

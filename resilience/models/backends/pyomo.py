@@ -14,7 +14,7 @@ from resilience.models.backends.base import (
     NOTHING,
     LeafCuts,
     Solution,
-    failures_named,
+    failures_of,
     of_solver,
     refuse_unknown,
 )
@@ -239,7 +239,7 @@ class Pyomo:
         """Solves with HiGHS or SCIP."""
         return self._highs() if self.solver == "highs" else self._scip()
 
-    @failures_named("HiGHS")
+    @failures_of("HiGHS")
     def _highs(self) -> Solution:
         from pyomo.contrib.appsi.base import TerminationCondition as End
         from pyomo.contrib.appsi.solvers import Highs
@@ -274,7 +274,7 @@ class Pyomo:
         config.update_objective = changes
         config.treat_fixed_vars_as_params = changes
 
-    @failures_named("SCIP")
+    @failures_of("SCIP")
     def _scip(self) -> Solution:
         from pyomo.contrib.solver.common.factory import SolverFactory
         from pyomo.contrib.solver.common.results import TerminationCondition as End

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 
 from resilience.arrays import Bools, Floats
-from resilience.models.backends.base import Solution, failures_named
+from resilience.models.backends.base import Solution, failures_of
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import broken_facts, worst_violation
@@ -66,7 +66,7 @@ def _fixed_columns(standard: Standard, v: Vectors) -> Bools:
     return fixed
 
 
-@failures_named("HiGHS")
+@failures_of("HiGHS")
 def _least_circulation(
     standard: Standard, vectors: Vectors, z: Floats, discs: Discs, seconds: float
 ) -> Floats | None:

@@ -10,11 +10,14 @@ other prices is judged alike.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
-from typing import Literal
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, overload
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.errors import CertificateError
 from resilience.models.program.referee import Audit
 from resilience.models.program.standard import Vectors
@@ -33,13 +36,23 @@ def cost_scale(vectors: Vectors) -> float:
     return float(np.max(np.abs(vectors.cost) * np.maximum(*ends), initial=0.0))
 
 
-def rounding(objective: float, scale: float) -> float:
+@overload
+def rounding(objective: float, scale: float) -> float: ...
+
+
+@overload
+def rounding(objective: Floats, scale: float) -> Floats: ...
+
+
+def rounding(objective: float | Floats, scale: float) -> float | Floats:
     """$ by which a proven bound may lie above an objective: the tolerances of two solvers.
 
     Args:
-        objective: $.
+        objective: $, one or an array.
         scale: `cost_scale` of the program, $.
     """
+    if isinstance(objective, np.ndarray):
+        return BOUND_TOLERANCE * np.maximum(np.abs(objective), scale)
     return BOUND_TOLERANCE * max(abs(objective), scale)
 
 
@@ -122,6 +135,23 @@ def check_energy(stated: Mapping[str, float], tabulated: Mapping[str, float]) ->
             f"{tabulated[worst]:.9g} MWh in the tables: {FAULT}",
             hint=HINT,
         )
+
+
+@contextmanager
+def of_file(path: Path) -> Iterator[None]:
+    """What is refused inside was read from a file or folder, which is named.
+
+    Raises:
+        CertificateError: likewise.
+    """
+    try:
+        yield
+    except CertificateError as error:
+        raise CertificateError(
+            f"{path} contradicts itself: {error.message}",
+            hint="it was changed or damaged, or written by a version with a fault; delete it and "
+            "run the command again",
+        ) from None
 
 
 def names_of(relaxed: Iterable[str]) -> set[str]:
