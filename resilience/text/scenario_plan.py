@@ -95,4 +95,4 @@ def _worth(plan: ScenarioPlan, value: float) -> str:
     """A difference to the plan's cost, which, where it was searched for, is known to its gap."""
     doubt = 0.0 if plan.algorithm == "simulation" else round(plan.objective - plan.bound, 4)
     text = f"{round(value, 4) + 0.0:.4f} $"  # adding 0.0 makes a rounded -0.0 a plain zero
-    return f"{text}, within the gap of {doubt:.4f} $" if abs(value) <= doubt else text
+    return f"{text}, within the gap of {doubt:.4f} $" if doubt and abs(value) <= doubt else text

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from resilience.arrays import Floats
 from resilience.models.backends import base
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
@@ -20,21 +21,28 @@ from resilience.models.backends.pyomo import Pyomo
 EXCESS = 1000.0  # $ by which a faulty bound is too high
 
 
-def zeros(solution: Solution) -> Solution:
+def zeros(solution: Solution, cost: Floats) -> Solution:
     """All columns at zero, at no cost, and the status of the true answer."""
     if solution.z is None:
         return solution
     return replace(solution, z=np.zeros_like(solution.z), objective=0.0)
 
 
-def no_numbers(solution: Solution) -> Solution:
+def shifted(solution: Solution, cost: Floats) -> Solution:
+    """All that costs nothing is 0.1 more: an answer that is wrong in its rows alone."""
+    if solution.z is None:
+        return solution
+    return replace(solution, z=solution.z + 0.1 * (cost[: len(solution.z)] == 0.0))
+
+
+def no_numbers(solution: Solution, cost: Floats) -> Solution:
     """NaN in place of values and cost."""
     if solution.z is None:
         return solution
     return replace(solution, z=np.full_like(solution.z, np.nan), objective=np.nan)
 
 
-def high_bound(solution: Solution) -> Solution:
+def high_bound(solution: Solution, cost: Floats) -> Solution:
     """A bound that is 1000 $ too high, also where none was proven."""
     if solution.status == "infeasible":
         return solution
@@ -42,13 +50,14 @@ def high_bound(solution: Solution) -> Solution:
     return replace(solution, bound=bound + EXCESS)
 
 
-def raising(solution: Solution) -> Solution:
+def raising(solution: Solution, cost: Floats) -> Solution:
     """An exception of a foreign library."""
     raise RuntimeError("the factorisation went out of bounds")
 
 
-FAULTS: dict[str, Callable[[Solution], Solution]] = {
+FAULTS: dict[str, Callable[[Solution, Floats], Solution]] = {
     "zeros": zeros,
+    "shifted": shifted,
     "no numbers": no_numbers,
     "high bound": high_bound,
     "raising": raising,
@@ -85,7 +94,8 @@ def inject(monkeypatch: pytest.MonkeyPatch, solver: str, fault: str, when: str) 
         if not WHEN[when](counter.calls):
             return solution
         counter.faults += 1
-        return FAULTS[fault](solution)
+        sent = getattr(self, "_sent", None) or self.vectors
+        return FAULTS[fault](solution, sent.cost)
 
     monkeypatch.setattr(backend, "solve", base.of_solver(solver)(faulty))
     return counter
@@ -106,6 +116,8 @@ def inject_master(monkeypatch: pytest.MonkeyPatch, fault: str, when: str) -> Cou
             raise RuntimeError("the factorisation went out of bounds")
         if fault == "zeros":
             return np.zeros_like(values), multipliers
+        if fault == "shifted":
+            return values + 0.1 * (self.vectors.cost == 0.0), multipliers
         return (np.full_like(values, np.nan), multipliers) if fault == "no numbers" else answer
 
     def faulty_bound(self: Any, *args: Any) -> float:

@@ -1,8 +1,10 @@
 """Whatever a solver answers: a valid answer, or an error of ours that says what is wrong.
 
-Every backend's solver is made to return zeros, NaN or a bound that is 1000 $ too high, or to raise
-a foreign exception, at its first, its second or every call, under every method and dispatcher. What
-comes out is held against the true optimum, found without faults. By default a sample is run.
+Every backend's solver is made to return zeros, a point off its rows, NaN or a bound that is 1000 $
+too high, or to raise a foreign exception, at its first, its second or every call, under every
+method and dispatcher. What comes out is held against the true optimum, found without faults. By
+default a sample is run; `--junitxml` counts what was valid and what was refused, as the property
+`outcome`.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from resilience.testing import small_case, small_world
 from tests.faults.injection import EXCESS, FAULTS, WHEN, inject, inject_master
 
 T = TypeVar("T")
+Recorder = Callable[[str, object], None]
 
 SOLVERS_OF = {
     "lp": ["HiGHS"],
@@ -44,7 +47,7 @@ PLANS = [
     for solver, fault, when in product(solvers, FAULTS, WHEN)
 ]
 DISPATCHED = list(product(DISPATCHERS, FAULTS, WHEN))
-SAMPLED = 7  # every seventh is run by default; none of the three lengths above divides by it
+SAMPLED = 7  # every seventh is run by default; no length of an axis above divides by it
 
 
 def sampled(cases: list[tuple[str, ...]]) -> list[object]:
@@ -119,7 +122,12 @@ def valid(plan: rs.Plan | rs.ScenarioPlan, truth: rs.Plan | rs.ScenarioPlan) -> 
 
 @pytest.mark.parametrize(("method", "solver", "fault", "when"), sampled(PLANS))
 def test_a_plan_is_valid_or_refused(
-    monkeypatch: pytest.MonkeyPatch, method: str, solver: str, fault: str, when: str
+    monkeypatch: pytest.MonkeyPatch,
+    record_property: Recorder,
+    method: str,
+    solver: str,
+    fault: str,
+    when: str,
 ) -> None:
     if method == "exact":
         pytest.importorskip("pyscipopt", reason="the extra `exact` is not installed")
@@ -129,6 +137,7 @@ def test_a_plan_is_valid_or_refused(
     else:
         counter = inject(monkeypatch, solver, fault, when)
     plan, error = attempt(lambda: planned(method))
+    record_property("outcome", "refused" if plan is None else "valid")
     if plan is not None:
         valid(plan, truth)
         return
@@ -145,7 +154,7 @@ def true_bound() -> np.ndarray:
 
 @pytest.mark.parametrize(("name", "fault", "when"), sampled(DISPATCHED))
 def test_a_trajectory_is_valid_or_refused(
-    monkeypatch: pytest.MonkeyPatch, name: str, fault: str, when: str
+    monkeypatch: pytest.MonkeyPatch, record_property: Recorder, name: str, fault: str, when: str
 ) -> None:
     """A wrong answer within a dispatcher makes a worse policy: what it did is valid all the same,
     by the referee of trajectories, and costs no less than the bound.
@@ -156,6 +165,7 @@ def test_a_trajectory_is_valid_or_refused(
     for k, least in enumerate(bound):
         episode = world.with_scenarios(np.array([k]))
         run, error = attempt(lambda world=episode: simulate(world, DISPATCHERS[name](world)))
+        record_property("outcome", "refused" if run is None else "valid")
         if run is None:
             assert isinstance(error, SolverError)
         else:
@@ -164,11 +174,12 @@ def test_a_trajectory_is_valid_or_refused(
 
 @pytest.mark.parametrize(("fault", "when"), sampled(list(product(FAULTS, WHEN))))
 def test_a_comparison_is_valid_or_refused(
-    monkeypatch: pytest.MonkeyPatch, fault: str, when: str
+    monkeypatch: pytest.MonkeyPatch, record_property: Recorder, fault: str, when: str
 ) -> None:
     bound = true_bound()
     inject(monkeypatch, "HiGHS", fault, when)
     report, error = attempt(lambda: rs.evaluate(small_world(), ["greedy", "mpc-blind"]))
+    record_property("outcome", "refused" if report is None else "valid")
     if report is None:
         assert isinstance(error, SolverError)
         return
@@ -196,3 +207,14 @@ def test_a_certified_bound_that_is_too_high_ends_a_plan(
     monkeypatch.setattr(Highs, "certified_bound", lambda self, s: true(self, s) + EXCESS)
     with pytest.raises(CertificateError, match="fault of the program or of the solver"):
         planned(method)
+
+
+@pytest.mark.parametrize(("method", "solver"), [("lp", "HiGHS"), ("socp", "Clarabel")])
+def test_rows_alone_are_enough_to_refuse_a_plan(
+    monkeypatch: pytest.MonkeyPatch, method: str, solver: str
+) -> None:
+    """Where the energy left is worth nothing, costs and bound of a shifted point are the true."""
+    case = island().replace(terminal_value_per_mwh=0.0, generator=(), outages=())
+    inject(monkeypatch, solver, "shifted", "every")
+    with pytest.raises(CertificateError, match=r"violates [a-z.]+\[.* by 0\.\d+ \(scaled"):
+        rs.solve(case, method)
