@@ -151,7 +151,7 @@ def load_comparison(folder: str | Path) -> Comparison:
         summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
         episodes = pd.read_parquet(root / "episodes.parquet")
         costs = {str(name): np.asarray(episodes[name], float) for name in episodes.columns}
-        found = Comparison(
+        comparison = Comparison(
             case=case,
             scenarios=scenarios,
             bound=costs.pop("bound"),
@@ -161,30 +161,34 @@ def load_comparison(folder: str | Path) -> Comparison:
             forecast_error=summary.get("forecast_error", "none"),
         )
         with of_file(root):
-            _check(found, summary)
-    return found
+            _check(comparison, summary)
+    return comparison
 
 
-def _check(found: Comparison, summary: Mapping[str, Any]) -> None:
+def _check(comparison: Comparison, summary: Mapping[str, Any]) -> None:
     """Holds costs, bound and trajectories of a folder against each other, and against the case
     where all that happened follows from it: forecast errors are not kept.
 
     Raises:
         CertificateError: they contradict each other.
     """
-    scale = case_cost_scale(found.case)
-    check_bound(found.objective, found.bound, scale)
-    for name, trajectory in found.trajectories.items():
+    scale = case_cost_scale(comparison.case)
+    check_bound(comparison.objective, comparison.bound, scale)
+    for name, trajectory in comparison.trajectories.items():
         for stated, spent in zip(
-            found.objective[name], trajectory.objective(found.end_value_per_mwh), strict=True
+            comparison.objective[name],
+            trajectory.objective(comparison.end_value_per_mwh),
+            strict=True,
         ):
             gate.check_costs(float(stated), {f"trajectory of {name}": float(spent)}, scale)
-    if found.forecast_error == "none":
+    if comparison.forecast_error == "none":
         world = World.build(
-            microgrid_with_fallible_lines(found.case, found.scenarios, summary["physics"]),
-            found.scenarios,
-            end_value_per_mwh=found.end_value_per_mwh,
+            microgrid_with_fallible_lines(
+                comparison.case, comparison.scenarios, summary["physics"]
+            ),
+            comparison.scenarios,
+            end_value_per_mwh=comparison.end_value_per_mwh,
             reset_daily=bool(summary["reset_daily"]),
         )
-        for trajectory in found.trajectories.values():
+        for trajectory in comparison.trajectories.values():
             check_trajectory(world, trajectory)

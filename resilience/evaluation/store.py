@@ -63,21 +63,14 @@ class Store:
         if not path.is_file():
             return None
         try:
-            part = load_trajectory(path)
+            trajectory = load_trajectory(path)
         except UsageError:
             return None
         with of_file(path):
-            check_trajectory(world, part)
+            check_trajectory(world, trajectory)
             if make is None:
-                self._check_proven(world, part)
-        return part
-
-    def _check_proven(self, world: World, part: Trajectory) -> None:
-        """Refuses a clairvoyant that costs less than it proves, or proves nothing."""
-        if part.proven is None:
-            raise CertificateError("the clairvoyant proves no bound", hint=HINT)
-        costs = {part.name: part.objective(world.end_value_per_mwh)}
-        check_bound(costs, part.proven, case_cost_scale(world.microgrid.case), world.index)
+                _check_proven(world, trajectory)
+        return trajectory
 
     def put(self, trajectory: Trajectory, world: World, make: Factory | None) -> None:
         """Keeps a part: its file appears whole or not at all."""
@@ -89,6 +82,14 @@ class Store:
         _feed(digest, [code(), name, _facts(world), _maker(name, make)])
         first, last = world.index[[0, -1]]
         return self.folder / f"{name}-{first}-{last}-{digest.hexdigest()[:24]}.npz"
+
+
+def _check_proven(world: World, trajectory: Trajectory) -> None:
+    """Refuses a clairvoyant that costs less than it proves, or proves nothing."""
+    if trajectory.proven is None:
+        raise CertificateError("the clairvoyant proves no bound", hint=HINT)
+    costs = {trajectory.name: trajectory.objective(world.end_value_per_mwh)}
+    check_bound(costs, trajectory.proven, case_cost_scale(world.microgrid.case), world.index)
 
 
 @cache

@@ -116,8 +116,8 @@ class Shortfall:
         complaint: what is wrong, in words.
         count, total: elements that do not hold, and all there are.
         worst: largest scaled violation.
-        scenarios: those in which any does not hold.
-        of: number of scenarios.
+        scenarios: number of those in which any does not hold.
+        all_scenarios: number of all.
     """
 
     complaint: str
@@ -125,7 +125,7 @@ class Shortfall:
     total: int = 0
     worst: float = 0.0
     scenarios: int = 0
-    of: int = 0
+    all_scenarios: int = 0
 
     def add(self, violation: Floats) -> None:
         """Takes in the elements (n,) of one more scenario."""
@@ -134,12 +134,12 @@ class Shortfall:
         self.total += len(violation)
         self.worst = max(self.worst, float(violation.max(initial=0.0)))
         self.scenarios += broken > 0
-        self.of += 1
+        self.all_scenarios += 1
 
     def __str__(self) -> str:
         return (
             f"{self.count} of {self.total} {self.complaint}, by {self.worst:.2g} at most, "
-            f"in {self.scenarios} of {self.of} scenarios"
+            f"in {self.scenarios} of {self.all_scenarios} scenarios"
         )
 
 

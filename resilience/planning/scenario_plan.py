@@ -156,10 +156,10 @@ class ScenarioPlan(CertifiedPlan):
                 f"not: they cost {expected:.9g} $ on average, {cost.max():.9g} $ at most",
                 hint=gate.HINT,
             )
-        known = np.asarray(self.episodes.get("clairvoyant_cost", np.full(len(cost), -np.inf)))
+        clairvoyant = np.asarray(self.episodes.get("clairvoyant_cost", np.full(len(cost), -np.inf)))
         for with_hindsight, spent in [
             (self.clairvoyant_cost, self.objective),
-            *zip(known.tolist(), cost.tolist(), strict=True),
+            *zip(clairvoyant.tolist(), cost.tolist(), strict=True),
         ]:
             gate.gap(spent, with_hindsight, scale)
         gate.check_costs(

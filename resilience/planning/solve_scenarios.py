@@ -174,13 +174,13 @@ def plan_in_two_stages(
     )
 
 
-def _reason(reached: float, wanted: float, late: bool) -> str:
+def _reason(reached: float, wanted_gap: float, late: bool) -> str:
     """Why a plan is not called optimal."""
     if late:
         return OUT_OF_TIME
     return (
-        f"the gap of {100 * reached:.2g} % is above the {100 * wanted:.2g} % asked for: the bound "
-        "lets storage and grids be in two modes at once, and polygons stand around ratings"
+        f"the gap of {100 * reached:.2g} % is above the {100 * wanted_gap:.2g} % asked for: the "
+        "bound lets storage and grids be in two modes at once, and polygons stand around ratings"
     )
 
 

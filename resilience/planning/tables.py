@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,7 +163,7 @@ def trip_notes(case: Case, tables: dict[str, SlotTable]) -> list[str]:
     ]
 
 
-def balance(case: Case, tables: dict[str, SlotTable]) -> dict[str, float]:
+def balance(case: Case, tables: Mapping[str, SlotTable]) -> dict[str, float]:
     """The energy balance in MWh: what was fed in, what was intake, and what the wires lost."""
     power, fleets = tables["power"], device_fleets(case)
 

@@ -56,7 +56,7 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
     """
     simulator, n = world.simulator, world.scenarios.n
     slots, units = world.microgrid.case.slots, len(simulator.units)
-    wanted = {
+    shapes = {
         "cost": (slots, n),
         "energy": (units, slots + 1, n),
         "storage": (units, slots, n),
@@ -65,7 +65,7 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
         "left_mwh": (n,),
         "proven": (n,),
     }
-    for name, shape in wanted.items():
+    for name, shape in shapes.items():
         array = getattr(trajectory, name)
         if array is None:
             continue
@@ -79,9 +79,9 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
         raise _impossible(trajectory, f"its slots last {trajectory.step_h:g} h")
 
 
-def _impossible(trajectory: Trajectory, what: str) -> CertificateError:
+def _impossible(trajectory: Trajectory, reason: str) -> CertificateError:
     return CertificateError(
-        f"the trajectory of {trajectory.name!r} is none of this world: {what}", hint=gate.HINT
+        f"the trajectory of {trajectory.name!r} is none of this world: {reason}", hint=gate.HINT
     )
 
 
@@ -126,10 +126,10 @@ class _Judged:
         if plant.units:
             after = plant.positions("ess.energy")
         self.places = np.concatenate([now, after, *stored, plant.sources])
-        known = np.zeros(self.form.n_columns, bool)
-        known[self.places] = True
+        hidden = np.ones(self.form.n_columns, bool)
+        hidden[self.places] = False
         self.matrix = self.form.a.tocsr()
-        touches: Floats = abs(self.matrix) @ (~known).astype(float)
+        touches: Floats = abs(self.matrix) @ hidden.astype(float)
         balance = np.zeros(self.form.n_rows, bool)
         balance[plant.balance_rows] = True
         self.rows: Ints = np.flatnonzero((touches == 0) & ~balance)
@@ -195,19 +195,19 @@ class _Judged:
         after: Floats = run.energy[:, slots + 1].copy()
         reset = np.isin(slots, self.world.ends[:-1])
         charge, discharge = (np.maximum(sign * run.storage[:, slots], 0.0) for sign in (-1.0, 1.0))
-        made = run.energy[:, slots] + plant.gain[:, :, None] * charge
-        after[:, reset] = (made - plant.drain[:, :, None] * discharge)[:, reset]
+        filled = run.energy[:, slots] + plant.gain[:, :, None] * charge
+        after[:, reset] = (filled - plant.drain[:, :, None] * discharge)[:, reset]
         return after
 
     def _judge_bounds(self, z: Floats, low: Floats, high: Floats, slots: Ints) -> None:
         """Limits of what is known, by variable."""
-        known = set(self.places.tolist())
+        places = set(self.places.tolist())
         for block in self.form.own_blocks:
             columns = self.form.columns(block)
-            if not block.n or columns[0] not in known:
+            if not block.n or columns[0] not in places:
                 continue
-            own, x = columns - self.form.n_now, z[columns]
-            excess = np.maximum(_beyond(x, high[own]), _beyond(-x, -low[own]))
+            rows, x = columns - self.form.n_now, z[columns]
+            excess = np.maximum(_beyond(x, high[rows]), _beyond(-x, -low[rows]))
             violation = np.maximum(excess, 0.0).reshape(block.n, len(slots), -1)
             self.note(block.name, violation, slots, tuple(block.labels))
 

@@ -58,9 +58,10 @@ def test_cycling_burns_what_a_full_island_must_take() -> None:
     discharge = 0.05 * 0.95**2 / (1 - 0.95**2)
     assert found["ess.discharge"].sum() == pytest.approx(4 * discharge, rel=1e-5)
     assert found.objective == pytest.approx(4 * DEGRADATION * discharge, rel=1e-6)
-    assert found.answer.relaxed == [
-        "ess: 4 of 4 mode elements are in two modes at once, by 0.29 at most"
-    ]
+    (fact,) = found.answer.relaxed
+    text, size = fact.removesuffix(" at most").rsplit(" by ", 1)
+    assert text == "ess: 4 of 4 mode elements are in two modes at once,"
+    assert 0.9 * discharge / (1 + 2.0) <= float(size) <= 2.0 / (1 + 2.0)  # 2 MW either way
 
 
 @pytest.mark.parametrize("method", ["lp", "milp", "minlp", "nlp"])

@@ -166,8 +166,8 @@ class TwoStage:
         for branch in self.branches:
             if branch.offset == 0:
                 program = self.programs[branch.program]
-                zero = {name: np.zeros(len(at)) for name, at in program.initial.items()}
-                vectors.append(program.vectors(self.data_of(branch.nodes), zero))
+                empty = {name: np.zeros(len(columns)) for name, columns in program.initial.items()}
+                vectors.append(program.vectors(self.data_of(branch.nodes), empty))
         return max(map(cost_scale, vectors))
 
     @property
