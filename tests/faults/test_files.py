@@ -32,6 +32,14 @@ def changed(folder: Path, **values: Any) -> None:
     path.write_text(json.dumps(summary | values), encoding="utf-8")
 
 
+def added(path: Path, row: int, column: str, by: float) -> None:
+    """Adds to one number of a table."""
+    table = pd.read_parquet(path)
+    values = table[column].to_numpy(float).copy()
+    values[row] += by
+    table.assign(**{column: values}).to_parquet(path)
+
+
 @pytest.fixture(scope="module")
 def plan() -> rs.Plan:
     return rs.solve(island(), "lp")
@@ -73,9 +81,8 @@ def test_a_summary_that_contradicts_itself_is_refused_with_its_folder(
 
 def test_a_table_that_was_changed_is_refused(plan: rs.Plan, tmp_path: Path) -> None:
     plan.save(tmp_path / "run")
-    table = plan.frame("power")
-    table.iloc[2, 0] += 0.3
-    table.to_parquet(tmp_path / "run" / "power.parquet")
+    path = tmp_path / "run" / "power.parquet"
+    added(path, 2, str(plan.frame("power").columns[0]), 0.3)
     with pytest.raises(CertificateError, match="in the energy balance"):
         rs.load_plan(tmp_path / "run")
 
@@ -99,10 +106,7 @@ def test_scenarios_that_were_changed_are_refused(
     scenario_plan: rs.ScenarioPlan, tmp_path: Path, column: str
 ) -> None:
     scenario_plan.save(tmp_path / "run")
-    path = tmp_path / "run" / "scenarios.parquet"
-    rows = pd.read_parquet(path)
-    rows.loc[1, column] += 50.0
-    rows.to_parquet(path)
+    added(tmp_path / "run" / "scenarios.parquet", 1, column, 50.0)
     with pytest.raises(CertificateError, match="run contradicts itself"):
         rs.load_scenario_plan(tmp_path / "run")
 
@@ -117,7 +121,8 @@ def shifted(name: str, place: tuple[int, ...], by: float) -> Callable[[Trajector
     def change(run: Trajectory) -> Trajectory:
         array = np.array(getattr(run, name))
         array[place] += by
-        return replace(run, **{name: array})
+        arrays: dict[str, Any] = {name: array}
+        return replace(run, **arrays)
 
     return change
 
@@ -216,10 +221,7 @@ def test_a_comparison_that_was_changed_is_refused_with_its_folder(
 ) -> None:
     rs.evaluate(world, ["greedy"], out=tmp_path / "out")
     load_comparison(tmp_path / "out")
-    path = tmp_path / "out" / "episodes.parquet"
-    episodes = pd.read_parquet(path)
-    episodes.loc[2, column] += by
-    episodes.to_parquet(path)
+    added(tmp_path / "out" / "episodes.parquet", 2, column, by)
     with pytest.raises(CertificateError, match="out contradicts itself"):
         load_comparison(tmp_path / "out")
 

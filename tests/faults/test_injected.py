@@ -9,8 +9,8 @@ default a sample is run; `--junitxml` counts what was valid and what was refused
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from itertools import product
 from typing import TypeVar
 
@@ -25,6 +25,8 @@ from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.simulation.simulate import simulate
+from resilience.simulation.trajectory import Trajectory
+from resilience.simulation.world import World
 from resilience.testing import small_case, small_world
 from tests.faults.injection import EXCESS, FAULTS, WHEN, inject, inject_master
 
@@ -50,7 +52,7 @@ DISPATCHED = list(product(DISPATCHERS, FAULTS, WHEN))
 SAMPLED = 7  # every seventh is run by default; no length of an axis above divides by it
 
 
-def sampled(cases: list[tuple[str, ...]]) -> list[object]:
+def sampled(cases: Sequence[tuple[str, ...]]) -> list[object]:
     """All of them, those that are not in the sample marked slow."""
     return [
         pytest.param(*case, marks=() if k % SAMPLED == 3 else pytest.mark.slow, id="-".join(case))
@@ -147,6 +149,10 @@ def test_a_plan_is_valid_or_refused(
         assert ("HiGHS" if solver == "master" else solver) in str(error)
 
 
+def dispatched(world: World, name: str) -> Trajectory:
+    return simulate(world, DISPATCHERS[name](world))
+
+
 @cache
 def true_bound() -> np.ndarray:
     return clairvoyant(small_world()).objective
@@ -164,7 +170,7 @@ def test_a_trajectory_is_valid_or_refused(
     inject_master(monkeypatch, fault, when)
     for k, least in enumerate(bound):
         episode = world.with_scenarios(np.array([k]))
-        run, error = attempt(lambda world=episode: simulate(world, DISPATCHERS[name](world)))
+        run, error = attempt(partial(dispatched, episode, name))
         record_property("outcome", "refused" if run is None else "valid")
         if run is None:
             assert isinstance(error, SolverError)
