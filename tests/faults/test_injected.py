@@ -3,8 +3,8 @@
 Every backend's solver is made to return zeros, a point off its rows, NaN or a bound that is 1000 $
 too high, or to raise a foreign exception, at its first, its second or every call, under every
 method and dispatcher. What comes out is held against the true optimum, found without faults. By
-default a sample is run; `--junitxml` counts what was valid and what was refused, as the property
-`outcome`.
+default a sample is run; `--junitxml FILE -o junit_family=xunit1` keeps what was valid or refused as
+the property `outcome`.
 """
 
 from __future__ import annotations
