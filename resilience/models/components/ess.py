@@ -64,9 +64,7 @@ class ESS(DeviceFleet):
     @classmethod
     def showcase(cls) -> ESSTable:
         """A unit with an inverter rating."""
-        return ESSTable(
-            name="ess", bus="1", p_max_mw=1.0, e_mwh=1.0, s_mva=1.1, soc_final_min=0.5
-        )
+        return ESSTable(name="ess", bus="1", p_max_mw=1.0, e_mwh=1.0, s_mva=1.1, soc_final_min=0.5)
 
     @property
     def rated(self) -> Ints:
