@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,8 @@ class BestTrack(NamedTuple):
     def track(self, averaging_s: float | None = None, penv_hpa: float | None = None) -> Track:
         """As a track, its wind taken for a mean over so long."""
         time, lat, lon, pressure, wind = zip(*self.rows, strict=True)
-        columns = {
-            "time": np.array(time, "datetime64[s]"),
+        columns: dict[str, Sequence[Any]] = {
+            "time": list(np.array(time, "datetime64[s]")),
             "lat": lat,
             "lon": lon,
             "pressure_hpa": pressure,

@@ -15,7 +15,7 @@ import pytest
 from resilience.case import Case
 from resilience.errors import UsageError
 from resilience.models.methods import METHODS
-from resilience.models.microgrid import Microgrid
+from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.referee import NEAR_LIMIT, audit
 from resilience.planning.solve import solve
 from resilience.testing import small_case
@@ -145,7 +145,10 @@ def test_transport_over_a_breakpoint_or_a_switch_follows_the_profile(
 def test_a_rating_that_binds_is_no_auxiliary_limit() -> None:
     """1.5 MVA of 2.34 MW in the second slot: the rest is shed, and nothing is wrong with that."""
     case = two_buses(line_tables=[{"name": "1-2", "breakpoint": True, "rating_mva": 1.5}])
-    for method, physics in (("lp", "copperplate"), ("lp", None), ("minlp", None)):
+    runs: list[tuple[str, Physics | None]] = [
+        ("lp", "copperplate"), ("lp", None), ("minlp", None)
+    ]  # fmt: skip
+    for method, physics in runs:
         found = solved(case, method, physics, gap=1e-5)
         assert found.of("load.shed", "load1")[1] == pytest.approx(0.84, abs=1e-3)
         assert max(found.near_limits.values(), default=0.0) == 0.0

@@ -8,6 +8,7 @@ import pytest
 
 from resilience.case import Case
 from resilience.models.case_program import as_switched
+from resilience.models.microgrid import Physics
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -32,7 +33,9 @@ def cut_off(**devices: Any) -> Case:
 
 @pytest.mark.parametrize("physics", ["copperplate", "lindistflow"])
 @pytest.mark.parametrize("method", ["lp", "milp"])
-def test_an_island_lives_on_its_generator_only_while_that_runs(method: str, physics: str) -> None:
+def test_an_island_lives_on_its_generator_only_while_that_runs(
+    method: str, physics: Physics
+) -> None:
     """3 h of no-load at 40 $/h and 0.2 MWh each at 7 $/MWh; PV alone would cost nothing."""
     found = solved(cut_off(generator=[DIESEL]), method, physics)
     assert found.objective == pytest.approx(3 * (40.0 + 0.2 * 7.0))

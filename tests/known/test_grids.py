@@ -8,6 +8,7 @@ import pytest
 
 from resilience.case import Case
 from resilience.errors import CaseError
+from resilience.models.microgrid import Physics
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -40,7 +41,7 @@ def test_one_place_has_one_voltage() -> None:
 
 
 @pytest.mark.parametrize("physics", ["copperplate", "lindistflow"])
-def test_each_tree_hangs_on_one_grid(physics: str) -> None:
+def test_each_tree_hangs_on_one_grid(physics: Physics) -> None:
     """The cheap grid feeds the load; the tie to the other one is opened."""
     found = solved(two_grids(("1-2", "2-3")), "milp", physics)
     assert found["line.closed"].tolist() == [[1.0, 1.0], [0.0, 0.0]]

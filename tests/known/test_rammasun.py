@@ -73,7 +73,7 @@ def test_maxima_of_climada_from_rows_of_the_best_track(name: str) -> None:
     track = short_track()
     lat, lon = np.array(POINTS).T
     found = wind(track, lat, lon, model=MODELS[name]).speed_mps
-    exact, times = zip(*CLIMADA_MAXIMA[name], strict=True)
+    exact, times = map(np.array, zip(*CLIMADA_MAXIMA[name], strict=True))
     np.testing.assert_allclose(found.max(axis=1), exact, atol=0.2)
     when = np.array([f"2014-07-18T{time}" for time in times], "datetime64[s]")
     assert (abs(track.time[found.argmax(axis=1)] - when) <= np.timedelta64(15, "m")).all()
@@ -83,7 +83,7 @@ def test_maxima_of_climada_from_rows_of_the_best_track(name: str) -> None:
 def test_directions_of_climada_from_rows_of_the_best_track(name: str) -> None:
     track = short_track()
     found = wind(track, *POINTS[0], model=MODELS[name])
-    times, east, north = zip(*CLIMADA_AT_HAIKOU[name], strict=True)
+    times, east, north = map(np.array, zip(*CLIMADA_AT_HAIKOU[name], strict=True))
     stamps = np.array([f"2014-07-18T{time}" for time in times], "datetime64[s]")
     at = np.searchsorted(track.time, stamps)
     towards, speed = np.radians(found.direction_deg[0, at]), found.speed_mps[0, at]

@@ -8,6 +8,7 @@ import pytest
 
 from resilience import solve
 from resilience.case import Case
+from resilience.models.microgrid import Physics
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -39,7 +40,7 @@ def carried(unit: dict[str, Any], left: dict[str, Any]) -> Case:
         {"p_min_mw": 0.5, "min_up_h": 7.0, "initial_hours": 2.0, "ramp_down_mw_per_h": 0.3},
     ],
 )
-def test_a_unit_too_large_for_its_island_trips(physics: str, unit: dict[str, Any]) -> None:
+def test_a_unit_too_large_for_its_island_trips(physics: Physics, unit: dict[str, Any]) -> None:
     """0.3 MW are left, less than 0.5: the unit goes off, and 2 h of 0.3 MW are shed."""
     found = solved(carried(unit, {"p_max_mw": 0.3}), "milp", physics)
     assert found["generator.on"][0] == pytest.approx([1, 1, 0, 0])

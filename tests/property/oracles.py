@@ -44,7 +44,7 @@ def random_document(rng: np.random.Generator, *, ac: bool, scale: float) -> Docu
 
     profiles = {f"p{k}": rng.uniform(0.0, 2.0, slots).round(3).tolist() for k in range(4)}
     profiles["price"] = rng.uniform(0.2, 1.8, slots).round(3).tolist()
-    load = [
+    load: list[dict[str, Any]] = [
         {
             "bus": bus(), "p_max_mw": mw(0.2, 1.5), "profile": f"p{k}",
             "power_factor": float(rng.uniform(0.75, 0.99)), "shed_cost_per_mwh": price(3, 200),
@@ -54,7 +54,7 @@ def random_document(rng: np.random.Generator, *, ac: bool, scale: float) -> Docu
     ]  # fmt: skip
     pv = []
     for _ in range(rng.integers(0, 3)):
-        plant = {
+        plant: dict[str, Any] = {
             "bus": bus(), "p_max_mw": mw(0.2, 1.5), "profile": "p3", "cost_per_mwh": price(-5, 5),
             "curtailable": bool(rng.random() < 0.8),
         }  # fmt: skip
@@ -462,8 +462,12 @@ def _ac_solution(  # noqa: C901, PLR0912, PLR0915 a list of devices, one after t
         cost -= d["terminal_value_per_mwh"] * scale * energy
     size = max(scene.turnover, 1e-300)
     sides, bounds = np.array([row[1:] for row in rows]), np.array(box)
-    nlp = {"x": ca.vertcat(*x), "f": cost / size, "g": ca.vertcat(*(row[0] for row in rows))}
-    options = {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 800}
+    nlp: dict[str, Any] = {
+        "x": ca.vertcat(*x),
+        "f": cost / size,
+        "g": ca.vertcat(*(row[0] for row in rows)),
+    }
+    options: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 800}
     solver = ca.nlpsol("ac", "ipopt", nlp, {"ipopt": options, "print_time": False})
     found = solver(
         x0=bounds[:, 2], lbx=bounds[:, 0], ubx=bounds[:, 1], lbg=sides[:, 0], ubg=sides[:, 1]

@@ -199,10 +199,3 @@ def idle_columns(
         columns.append(modes[k].structure.idle_columns(places, z[places]))
     joined = np.concatenate(columns)
     return joined, np.zeros(len(joined))
-
-
-def gap(objective: float, bound: float) -> float:
-    """(objective - bound) / max(|objective|, 0.001 $), never negative; inf without a bound."""
-    if not np.isfinite(bound) or not np.isfinite(objective):
-        return np.inf
-    return float(max(objective - bound, 0.0) / max(abs(objective), 1e-3))

@@ -224,5 +224,6 @@ def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
     found = lshaped(two, TIGHT)
     assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
     (low, high), point = boxes[-1], points[-1]
+    assert point is not None
     assert (low <= point + 1e-6).all()
     assert (point <= high + 1e-6).all()

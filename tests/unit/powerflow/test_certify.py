@@ -170,7 +170,7 @@ def test_a_store_that_carries_an_island_has_a_limit_either_way(
     exact = taken + 0.05 * taken**2 / square
     assert exact == pytest.approx(value, abs=1e-4)
     planned = SlotTable(tuple(power), np.array(list(power.values())))
-    found = ac_check_plan(replace(plan, tables=plan.tables | {"power": planned}))
+    found = ac_check_plan(replace(plan, tables={**plan.tables, "power": planned}))
     root = found.root
     assert root is not None
     assert (root.name, root.time, root.limit) == ("ess1", "01:00", limit)
