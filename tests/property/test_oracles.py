@@ -18,14 +18,17 @@ from tests.known.solving import solved
 from tests.property.oracles import Document, Scene, ac_point, linear_optimum, random_document
 
 MORE = int(os.environ.get("RESILIENCE_RANDOM_CASES", "60"))
-SCALES_MW = (0.15, 1.0, 18.0)
+SCALES_MW = (0.15, 1.0, 18.0, 1e-3)
 GAP = 1e-5
+TWO_MODES_IN_AC = 108
+"""Its storage keeps to one mode in the cone relaxation, and burns in two in the AC equations."""
 
 
-def seeds(few: int) -> Iterable[object]:
+def seeds(few: int, *more: int) -> Iterable[object]:
     """A few in every run, the others with the slow tests."""
-    slow = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(few, MORE)]
-    return [*range(few), *slow]
+    others = [seed for seed in range(few, MORE) if seed not in more]
+    slow = [pytest.param(seed, marks=pytest.mark.slow) for seed in others]
+    return [*range(few), *more, *slow]
 
 
 def drawn(seed: int, *, ac: bool) -> tuple[Document, float]:
@@ -60,7 +63,7 @@ def test_a_linear_plan_and_its_bound_are_the_oracles_optimum(seed: int, physics:
     assert max(found.near_limits.values(), default=0.0) == 0.0
 
 
-@pytest.mark.parametrize("seed", seeds(9))
+@pytest.mark.parametrize("seed", seeds(12, TWO_MODES_IN_AC))
 def test_no_bound_is_above_an_ac_plan(seed: int) -> None:
     document, scale = drawn(seed, ac=True)
     reached = ac_point(document, scale=scale)

@@ -114,21 +114,25 @@ def with_all_held(
 ) -> Solution:
     """From a point of the relaxation to one that holds every mode and cone, or nothing.
 
-    Integers are as `vectors` hold them; `seconds` says how many are left.
+    Integers are as `vectors` hold them; `seconds` says how many are left. The AC equations may
+    break modes that the relaxation keeps: where cones are open, losses use up what is too much, and
+    where they are closed, a storage in two modes does. So each is held as soon as it is broken.
     """
-    standard = program.standard
+    standard, held = program.standard, vectors
     solution = with_cones_closed(program, relaxed, vectors, seconds)
-    one_mode = with_modes_held(program, solution, vectors)
-    if one_mode is not vectors:
-        solution = relaxation(program, one_mode, seconds=seconds())
-        if solution.z is None:
-            return NOTHING
-        solution = with_cones_closed(program, solution, one_mode, seconds)
-    if worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
-        solution = ac_point(program, solution.point, one_mode, seconds)
-    if solution.z is None or broken_modes(standard, solution.z):
-        return NOTHING
-    return solution
+    while solution.z is not None:
+        one_mode = with_modes_held(program, solution, held)
+        if one_mode is not held:
+            held = one_mode
+            solution = relaxation(program, held, seconds=seconds())
+            if solution.z is None:
+                break
+            solution = with_cones_closed(program, solution, held, seconds)
+        elif worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
+            solution = ac_point(program, solution.point, held, seconds)
+        else:
+            return solution
+    return NOTHING
 
 
 def socp(program: CaseProgram, options: MethodOptions) -> MethodResult:
