@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +63,7 @@ def solved(
     *,
     time_limit: float = 60.0,
     gap: float = 1e-6,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> Solved:
     """The answer of a method at its own or another physics, settled.
 
@@ -69,7 +72,7 @@ def solved(
     """
     method_of, own = METHODS[method]
     problem = horizon(case, physics or own)
-    answer = method_of(problem, MethodOptions(time_limit, gap))
+    answer = method_of(problem, MethodOptions(time_limit, gap, clock))
     found = Solved(problem, answer, settle(problem.standard, answer.z, problem.vectors))
     slack = CLOSE * (1.0 + abs(answer.objective))
     assert answer.bound <= answer.objective + slack
@@ -109,12 +112,12 @@ def power(found: Solved) -> tuple[Floats, Floats]:
     return p, q
 
 
-def let_time_be_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every time limit of up to 0.25 s ends as soon as it begins, and the grace is long.
+def watch_that_is_late(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
+    """A clock by which every time limit of up to 0.25 s is over as soon as it begins.
 
-    Methods read a watch that stands still, so no machine is too slow for what they may still do.
+    It stands still afterwards and the grace is long, so no machine is too slow for what a method
+    may still do, and none is fast enough to do more.
     """
-
-    readings = itertools.chain([17.0], itertools.repeat(17.3))
     monkeypatch.setattr(answer, "GRACE_S", 600.0)
-    monkeypatch.setattr(MethodOptions, "clock", lambda _: next(readings))
+    readings = itertools.chain([17.0], itertools.repeat(17.3))
+    return lambda: next(readings)

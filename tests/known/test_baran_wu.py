@@ -18,7 +18,7 @@ from tests.known.feeder33 import (
     losses_kw,
     net,
 )
-from tests.known.solving import Solved, solved
+from tests.known.solving import Solved, solved, watch_that_is_late
 
 OPTIMUM_KW = 139.55135
 
@@ -108,8 +108,9 @@ def test_minlp_proves_the_optimum_by_outer_approximation() -> None:
     assert loss_kw(found) == pytest.approx(OPTIMUM_KW, rel=1e-5)
 
 
-def test_minlp_in_a_hurry_stays_honest() -> None:
-    found = solved(case33(switchable=True), "minlp", time_limit=2.0)
+def test_minlp_in_a_hurry_stays_honest(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = watch_that_is_late(monkeypatch)
+    found = solved(case33(switchable=True), "minlp", time_limit=0.25, clock=clock)
     losses, _ = losses_kw([opened(found)])
     assert found.answer.status == "feasible"
     assert "best plan found" in " ".join(found.answer.notes)

@@ -9,7 +9,7 @@ from resilience.case import Case, load_case
 from resilience.models.case_program import horizon
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.testing import small_case
-from tests.known.solving import let_time_be_up, solved
+from tests.known.solving import solved, watch_that_is_late
 
 CURVE = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.2]]
 
@@ -110,8 +110,8 @@ def test_without_enough_gap_it_stops_early_and_says_so() -> None:
 @pytest.mark.parametrize("method", ["lp", "milp", "minlp"])
 def test_no_time_at_all_still_gives_a_plan(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """No time is enough for a day of commitment but that for one plan; the answer owns up to it."""
-    let_time_be_up(monkeypatch)
-    found = solved(load_case("ieee33-commitment"), method, time_limit=0.25, gap=1e-6)
+    clock = watch_that_is_late(monkeypatch)
+    found = solved(load_case("ieee33-commitment"), method, time_limit=0.25, clock=clock)
     assert found.answer.status == "feasible"
     assert "best plan found" in " ".join(found.answer.notes)
     assert found.answer.relaxed == []

@@ -14,7 +14,7 @@ from resilience.models.case_program import horizon
 from resilience.models.methods.start import with_switches_held
 from resilience.testing import small_case
 from tests.known.feeder33 import LOAD_MW, case33
-from tests.known.solving import Solved, solved
+from tests.known.solving import Solved, solved, watch_that_is_late
 
 GRID = {"import_max_mw": 10.0, "import_cost_per_mwh": 0.3}
 LOAD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}
@@ -184,8 +184,9 @@ def test_33_buses_are_reconnected_around_faults() -> None:
     forest(found)
 
 
-def test_minlp_in_a_hurry_keeps_to_forests() -> None:
-    found = solved(faulted33(), "minlp", time_limit=1.0)
+def test_minlp_in_a_hurry_keeps_to_forests(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = watch_that_is_late(monkeypatch)
+    found = solved(faulted33(), "minlp", time_limit=0.25, clock=clock)
     assert found.bound <= found.objective
     assert not found.answer.relaxed
     forest(found)

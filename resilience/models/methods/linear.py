@@ -220,10 +220,18 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
 
 
 def _any_plan(search: LinearSearch) -> Solution:
-    """Where time is up and nothing was found: any point that holds everything, or nothing."""
+    """Where time is up and nothing was found: a plan for any integers, or nothing.
+
+    Integers are sought without modes and with polygons around the discs, as those within and the
+    binaries of modes make the search many times longer.
+    """
+    program, standard = search.program, search.program.standard
     with phase("linear program", "any plan"):
-        lowered = lower(search.program.standard, discs="inner")
-        return any_point(search.program, lowered, search.deadline.final_s)
+        lowered = lower(standard, modes={}, discs="outer")
+        chosen = any_point(program, lowered, search.deadline.final_s)
+        if chosen.z is None:
+            return NOTHING
+        return _plan(search, chosen, broken_modes(standard, chosen.z))
 
 
 def _answer(search: LinearSearch, relaxed: Solution, reason: str) -> MethodResult:
