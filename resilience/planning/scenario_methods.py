@@ -9,6 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, UsageError
+from resilience.models.backends.base import OutOfTimeError
 from resilience.models.methods.answer import (
     Deadline,
     broken_modes,
@@ -88,7 +89,7 @@ def solve_scenario_program(
     algorithm = _algorithm(program, algorithm)
     with phase("mean-value plan"):
         start = program.mean_states()
-    options = DecompositionOptions(relative_gap, time_limit, os.cpu_count() or 1, start)
+    options = DecompositionOptions(relative_gap, deadline.remaining_s, os.cpu_count() or 1, start)
     relaxed = ALGORITHMS[algorithm](two_stage, options)
     has_integers = bool(two_stage.first.integer.any())
     mean_cost = None if has_integers else relaxed.start_cost
@@ -187,7 +188,7 @@ def _with_modes_held(
         ends = [two_stage.first.state_columns(node) for node in range(two_stage.trunk)]
         narrower = replace(
             options,
-            time_limit=max(deadline.remaining_s, 1.0),
+            time_limit=deadline.final_s,
             start=solution.trunk[np.array(ends, np.intp)],
             discs="inner",
             idle_trunk=np.concatenate([np.empty(0, np.intp), *trunk_columns]),
@@ -196,7 +197,7 @@ def _with_modes_held(
         try:
             with phase("modes", f"round {k + 1}"):
                 solution = ALGORITHMS[algorithm](two_stage, narrower)
-        except InfeasibleError:
+        except (InfeasibleError, OutOfTimeError):
             return relaxed
     return solution
 

@@ -19,6 +19,10 @@ from resilience.tolerances import CROSSED_BOUNDS_TOLERANCE
 Status = Literal["optimal", "feasible", "infeasible", "none"]
 
 
+class OutOfTimeError(SolverError):
+    """A solver had no time, or too little, for an answer that others wait for."""
+
+
 @dataclass(frozen=True)
 class Duals:
     """Multipliers in the Lagrangian  c'z + rows'(A z - b) - sum_k cones[k] . structure_k(z).

@@ -206,6 +206,11 @@ class HighsModel:
         return str(self._highs.modelStatusToString(self._highs.getModelStatus()))
 
     @property
+    def is_out_of_time(self) -> bool:
+        """Whether the last run was ended by its time limit."""
+        return bool(self._highs.getModelStatus() == highspy.HighsModelStatus.kTimeLimit)
+
+    @property
     def info(self) -> RunInfo:
         """What the last run says of itself."""
         info = self._highs.getInfo()

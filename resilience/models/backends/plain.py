@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
-from resilience.models.backends.base import failures_of, no_numbers
+from resilience.models.backends.base import OutOfTimeError, failures_of, no_numbers
 from resilience.models.backends.highs_model import LINEAR_OPTIONS, HighsModel, RunStatus
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
@@ -43,12 +43,20 @@ class Plain:
         self.vectors.lower[columns], self.vectors.upper[columns] = lower, upper
         self._model.change_bounds(columns, lower, upper)
 
-    def solve(self) -> tuple[Floats, Floats] | None:
+    def solve(self, seconds: float = np.inf) -> tuple[Floats, Floats] | None:
         """The optimal values (columns,) and multipliers (rows,), None where there is no point.
 
+        Args:
+            seconds: that it may take; without any it is not begun.
+
         Raises:
+            OutOfTimeError: that was not enough.
             SolverError: the solver stopped for any other reason.
         """
+        if seconds <= 0.0:
+            raise OutOfTimeError("no time was left for a linear program")
+        if np.isfinite(seconds):
+            self._model.limit_time(seconds)
         with failures_of("HiGHS"):
             answer = self._solved()
         if answer is not None and not all(np.isfinite(array).all() for array in answer):
@@ -59,6 +67,8 @@ class Plain:
         status = self._model.run()
         if status is RunStatus.INFEASIBLE:
             return None
+        if self._model.is_out_of_time:
+            raise OutOfTimeError("a linear program took longer than the time that was left")
         if status is not RunStatus.OPTIMAL:
             raise SolverError(f"a linear program ended as {self._model.status_text}")
         solution = self._model.solution

@@ -16,7 +16,11 @@ from resilience.models.methods.explain import grouped
 from resilience.models.program.gate import gap, status_of
 from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Standard, Vectors
-from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution
+from resilience.planning.two_stage.lshaped import (
+    DecompositionOptions,
+    TwoStageSolution,
+    out_of_time,
+)
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
 
@@ -28,7 +32,8 @@ def extensive(two_stage: TwoStage, options: DecompositionOptions | None = None) 
 
     Raises:
         InfeasibleError: there is no point; what conflicts is named, with its scenario.
-        SolverError: no point was found in time.
+        OutOfTimeError: no point was found in time.
+        SolverError: the solver failed.
         CertificateError: the bound lies above the plan.
     """
     options = options or DecompositionOptions()
@@ -44,7 +49,7 @@ def extensive(two_stage: TwoStage, options: DecompositionOptions | None = None) 
         solver.update(_with_idle_columns(two_stage, standard, vectors, options))
         solution = solver.solve()
     if solution.z is None:
-        raise _no_plan(solver, solution)
+        raise _no_plan(solver, solution, options)
     trunk, points = trunk_and_branches(two_stage, standard, solution.z)
     cost = costs(two_stage, standard, solution.z)
     probability = np.append([b.probability for b in two_stage.branches], two_stage.staying)
@@ -137,9 +142,13 @@ def _matching(
     ]
 
 
-def _no_plan(solver: Highs, solution: Solution) -> InfeasibleError | SolverError:
+def _no_plan(
+    solver: Highs, solution: Solution, options: DecompositionOptions
+) -> InfeasibleError | SolverError:
+    if solver.model.is_out_of_time:
+        return out_of_time(options)
     if solution.status != "infeasible":
-        return SolverError("HiGHS found no plan in time", hint="raise --time-limit")
+        return SolverError("HiGHS found no plan", hint="report the case")
     names = grouped(solver.conflict())
     return InfeasibleError(
         "no plan satisfies all scenarios; in conflict: "

@@ -7,6 +7,7 @@ scenario that never leaves the trunk costs what the trunk costs, and comes last.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,11 +48,18 @@ class Master:
         two_stage: the program.
         idle: columns of the trunk to hold at zero (modes to keep to).
         discs: polygons within the discs or around them.
+        seconds: says how many are left for one solve.
     """
 
     def __init__(
-        self, two_stage: TwoStage, *, idle: Ints | None = None, discs: Discs = "outer"
+        self,
+        two_stage: TwoStage,
+        *,
+        idle: Ints | None = None,
+        discs: Discs = "outer",
+        seconds: Callable[[], float] = lambda: np.inf,
     ) -> None:
+        self.seconds = seconds
         self.two_stage, first, trunk = two_stage, two_stage.first, two_stage.trunk
         branches = two_stage.branches
         self.probability = np.append([b.probability for b in branches], two_stage.staying)
@@ -134,14 +142,19 @@ class Master:
         """The cheapest trunk that passes through states (trunk nodes, states); None: there is none.
 
         Only of use before the first cuts.
+
+        Raises:
+            OutOfTimeError: too few seconds are left.
         """
         columns = self.ends[: self.two_stage.trunk].ravel()
         v = self.program.vectors
         low, high = v.lower[columns].copy(), v.upper[columns].copy()
         inside = np.clip(states.ravel(), low, high)
         self.program.set_bounds(columns, inside, inside)
-        solution = self.program.solve()
-        self.program.set_bounds(columns, low, high)
+        try:
+            solution = self.program.solve(self.seconds())
+        finally:
+            self.program.set_bounds(columns, low, high)
         return None if solution is None else self._trial(solution[0], -np.inf)
 
     def solve(self) -> Trial:
@@ -149,8 +162,9 @@ class Master:
 
         Raises:
             InfeasibleError: the trunk has no point.
+            OutOfTimeError: too few seconds are left.
         """
-        solution = self.program.solve()
+        solution = self.program.solve(self.seconds())
         if solution is None:
             raise InfeasibleError(
                 "nothing satisfies the model in the slots common to all scenarios",

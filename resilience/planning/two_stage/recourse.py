@@ -9,7 +9,7 @@ by side and the result does not depend on how many are.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,7 +19,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError, SolverError
-from resilience.models.backends.base import Solution
+from resilience.models.backends.base import OutOfTimeError, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.highs_model import Basis
 from resilience.models.backends.lower import lower
@@ -115,6 +115,7 @@ class Recourse:
         idle: by the index of a branch, columns of its program to hold at zero (modes to keep to).
         discs: polygons within the discs or around them.
         workers: threads.
+        seconds: says how many are left for one solve.
     """
 
     def __init__(
@@ -124,8 +125,10 @@ class Recourse:
         idle: Mapping[int, Ints] | None = None,
         discs: Discs = "outer",
         workers: int = 1,
+        seconds: Callable[[], float] = lambda: np.inf,
     ) -> None:
         self.two_stage, self.workers, self.idle = two_stage, workers, idle or {}
+        self.seconds = seconds
         self._programs = [self._program(k) for k in range(len(two_stage.programs))]
         self._numbers = [self._branch_numbers(branch) for branch in two_stage.branches]
         lowered = [lower(p, integer="none", modes={}, discs=discs) for p in two_stage.programs]
@@ -142,6 +145,7 @@ class Recourse:
 
         Raises:
             InfeasibleError: a scenario has no recourse there; it is named.
+            OutOfTimeError: too few seconds are left for all of them.
             SolverError: a solver stopped without an answer.
         """
 
@@ -214,6 +218,9 @@ class Recourse:
         if basis is not None:
             solver.resume_at(basis)
         solver.update(v)
+        solver.time_limit = self.seconds()
+        if solver.time_limit <= 0.0:
+            raise OutOfTimeError("no time was left for some scenarios")
         solution = solver.solve()
         self._bases[k] = solver.basis()
         if solution.z is None or solution.status != "optimal" or solution.duals is None:
@@ -228,6 +235,8 @@ class Recourse:
     def _no_recourse(
         self, k: int, solver: Highs, solution: Solution
     ) -> InfeasibleError | SolverError:
+        if solver.model.is_out_of_time:
+            return OutOfTimeError("some scenarios took longer than the time that was left")
         label = self.two_stage.tree.labels[self._numbers[k].branch.nodes[0]]
         if solution.status != "infeasible":
             return SolverError(f"HiGHS found no recourse from {label!r} on", hint="report the case")

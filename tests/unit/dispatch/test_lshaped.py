@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
+from resilience.arrays import Floats
 from resilience.errors import InfeasibleError, SolverError
-from resilience.models.backends.base import NOTHING, Solution
+from resilience.models.backends.base import NOTHING, OutOfTimeError, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.plain import Plain
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
+from resilience.models.methods.answer import GRACE_S
 from resilience.models.program.risk import Risk
 from resilience.planning.two_stage.extensive import extensive
 from resilience.planning.two_stage.lshaped import DecompositionOptions, lshaped
-from resilience.planning.two_stage.recourse import Recourse
+from resilience.planning.two_stage.master import Master
+from resilience.planning.two_stage.recourse import Recourse, SecondStage
 from resilience.planning.two_stage.two_stage import TwoStage
 
 STATES = ("a", "b")
@@ -116,7 +119,7 @@ def test_it_says_how_it_came_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None
     solve = Recourse.solve
     monkeypatch.setattr(Recourse, "solve", lambda self, x: calls.append(1) or solve(self, x))
     found = lshaped(two, TIGHT)
-    assert found.iterations == len(calls) > 2
+    assert found.iterations == len(calls) >= 2
     assert found.start_cost is None
     again = lshaped(two, replace(TIGHT, start=np.full((two.trunk, 2), 0.3)))
     assert again.start_cost is not None
@@ -177,12 +180,102 @@ def test_the_result_does_not_depend_on_the_number_of_workers() -> None:
     assert one.bound == many.bound
 
 
-def test_a_time_limit_gives_the_best_so_far_with_its_bound() -> None:
-    two = program(4, chains=12)
+@dataclass
+class Watch:
+    """What shows the time that solves take, and what each of them was given.
+
+    Attributes:
+        pace: seconds that one solve takes.
+        now: what it shows, s.
+        given: (seconds since the start, seconds given) of every solve.
+    """
+
+    pace: float
+    now: float = 17.0
+    given: list[tuple[float, float]] = field(default_factory=list)
+
+    def __call__(self) -> float:
+        return self.now
+
+    def watch(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        solve, linear = Highs.solve, Plain.solve
+
+        def scenario(solver: Highs) -> Solution:
+            self.take(solver.time_limit)
+            solver.time_limit = 60.0
+            return solve(solver)
+
+        def trunk(program: Plain, seconds: float) -> tuple[Floats, Floats] | None:
+            self.take(seconds)
+            return linear(program)
+
+        monkeypatch.setattr(Highs, "solve", scenario)
+        monkeypatch.setattr(Plain, "solve", trunk)
+
+    def take(self, seconds: float) -> None:
+        self.given.append((self.now - 17.0, seconds))
+        self.now += self.pace
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.3, 1.7, 2.7])
+def test_every_solve_gets_what_is_left(monkeypatch: pytest.MonkeyPatch, limit: float) -> None:
+    """A trunk, then its seven scenarios, each solve 0.2 s: after the limit only what is missing."""
+    two, watch = program(4, chains=7), Watch(pace=0.2)
     best = extensive(two, TIGHT).objective
-    found = lshaped(two, DecompositionOptions(gap=1e-12, time_limit=0.0))
-    assert found.bound <= best + 1e-7
+    watch.watch(monkeypatch)
+    options = DecompositionOptions(gap=1e-12, time_limit=limit, clock=watch)
+    if limit < 1.0:
+        with pytest.raises(OutOfTimeError, match=f"within {limit:g} s"):
+            lshaped(two, options)
+    else:
+        found = lshaped(two, options)
+        assert found.status == "feasible"
+        assert found.bound <= best + 1e-7
+        assert found.objective >= best - 1e-7
+        assert all(start < limit for start, _ in watch.given)
+    for start, given in watch.given:
+        assert 0.0 < given <= limit + GRACE_S - start
+
+
+def test_a_limit_that_is_over_leaves_one_plan_and_its_bound(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    two, watch = program(4, chains=12), Watch(pace=0.05)
+    best = extensive(two, TIGHT).objective
+    watch.watch(monkeypatch)
+    found = lshaped(two, DecompositionOptions(gap=1e-12, time_limit=0.0, clock=watch))
+    assert (found.status, found.iterations) == ("feasible", 1)
+    assert found.start_cost is None
+    assert -np.inf < found.bound <= best + 1e-7
     assert found.objective >= best - 1e-7
+
+
+def test_what_took_too_long_is_no_infeasible_scenario() -> None:
+    two = program(4, chains=7)
+    master = Master(two)
+    trial = master.solve()
+    with pytest.raises(OutOfTimeError):
+        Recourse(two, seconds=lambda: 1e-9).solve(trial.states)
+    with pytest.raises(OutOfTimeError):
+        Recourse(two, seconds=lambda: 0.0).solve(trial.states)
+    with pytest.raises(OutOfTimeError):
+        Master(two, seconds=lambda: 0.0).solve()
+    with pytest.raises(OutOfTimeError, match="within 1e-09 s"):
+        extensive(program(4, chains=40), DecompositionOptions(time_limit=1e-9))
+
+
+def test_iterations_are_second_stages(monkeypatch: pytest.MonkeyPatch) -> None:
+    two, calls, solve = program(4, chains=7), [], Recourse.solve
+
+    def counted(recourse: Recourse, states: Floats) -> SecondStage:
+        calls.append(states)
+        return solve(recourse, states)
+
+    monkeypatch.setattr(Recourse, "solve", counted)
+    found = lshaped(two, TIGHT)
+    assert found.iterations == len(calls) >= 2
+    assert found.start_cost is None
+    assert found.status == "optimal"
 
 
 @pytest.mark.parametrize("solve", [lshaped, extensive])
@@ -214,8 +307,8 @@ def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
         boxes.append((low, high))
         return bound(plain, multipliers, low, high)
 
-    def noted_solve(plain):
-        solution = solve(plain)
+    def noted_solve(plain, seconds):
+        solution = solve(plain, seconds)
         points.append(None if solution is None else solution[0])
         return solution
 
