@@ -62,6 +62,9 @@ class ConicSearch:
         best: the best plan so far.
         modes: for the index of each structure with modes, the elements (n,) that need binaries.
         rows: tangents of cones and no-good cuts, as G z <= h.
+        milp_share: of the time that remains that one MILP may take; all of it once one has ended
+            without a point.
+        starved: whether even that ended without one.
     """
 
     program: CaseProgram
@@ -72,6 +75,8 @@ class ConicSearch:
     best: Solution = NOTHING
     modes: dict[int, Bools] = field(default_factory=dict)
     rows: list[tuple[sp.csr_array, Floats]] = field(default_factory=list)
+    milp_share: float = MILP_SHARE
+    starved: bool = False
 
     def gap_of(self, plan: Solution, bound: float | None = None) -> float:
         """Relative gap of a plan to a bound, that of the whole if omitted; inf without a plan."""
@@ -136,7 +141,7 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
         if not _round(search, k + 1):
             reason = NOTHING_NEW
             break
-    late = search.deadline.late
+    late = search.deadline.late or search.starved
     if search.best.z is None:
         raise no_plan(program, "minlp", options, late=late)
     return MethodResult.from_solution(
@@ -169,6 +174,10 @@ def _round(search: ConicSearch, k: int) -> bool:
     with phase("commitment", f"round {k}, gap {100 * search.gap:.2f} %"):
         master = _commitment(search)
     search.learn(master.bound)
+    if master.status == "none":
+        search.starved = search.milp_share == 1.0
+        search.milp_share = 1.0
+        return not search.starved
     if not search.done and _try(search, master):
         return True
     return search.bound > before + 1e-9 * abs(before)
@@ -179,7 +188,7 @@ def _commitment(search: ConicSearch) -> Solution:
     lowered = lower(search.program.standard, modes=search.modes, discs="outer")
     g = sp.vstack([rows for rows, _ in search.rows], format="csr")
     h = np.concatenate([right for _, right in search.rows])
-    seconds = MILP_SHARE * search.deadline.remaining_s
+    seconds = search.milp_share * search.deadline.remaining_s
     if seconds <= 0.0:
         return NOTHING
     solver = Highs(lowered, rows=(g, h), gap=search.options.gap / 2, time_limit=seconds)
