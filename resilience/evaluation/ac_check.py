@@ -1,9 +1,9 @@
 """Could the wires have carried it? AC power flow of every slot of every scenario of a trajectory.
 
-The powers are taken as they were dispatched. In every island the largest forming unit gives what
-they left over: losses, which copperplate dispatch does not know, and all reactive power. What it
-gives beyond its own limits is excess. Members without a solution are counted, and nothing is read
-from them.
+The powers are taken as they were dispatched. In every island the largest unit that forms
+then gives what they left over: losses, which copperplate dispatch does not know, and all reactive
+power. What it gives beyond its own limits is excess. Members without a solution are counted, and
+nothing is read from them.
 """
 
 from __future__ import annotations
@@ -174,7 +174,8 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
         slots = slice(first, first + size)
         some = {name: values[slots].ravel() for name, values in power.items()}
         up = world.line_up[:, slots].reshape(len(world.line_up), -1)
-        parts.append(carry(case, some, up))
+        energy = trajectory.energy[:, :-1][:, slots].reshape(len(trajectory.energy), -1)
+        parts.append(carry(case, some, up, energy))
     arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
     return TrajectoryACCheck(
         members=Carried(**arrays),

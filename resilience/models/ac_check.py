@@ -1,12 +1,12 @@
 """Can the wires carry what devices feed in? AC power flow of any number of members at once.
 
-Powers are taken as they are. In every island the largest forming unit is the root: it
+Powers are taken as they are. In every island the largest unit that forms then is the root: it
 holds the voltage, and gives what was not planned, losses above all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -46,7 +46,7 @@ class Carried:
     loss_mw: Floats
 
 
-def carry(case: Case, power: Mapping[str, Floats], line_up: Bools) -> Carried:
+def carry(case: Case, power: Mapping[str, Floats], line_up: Bools, energy: Floats) -> Carried:
     """Solves any number of members at once, islands included.
 
     Sources give no reactive power but the roots, which hold the voltage of the grid, or 1 pu.
@@ -55,11 +55,13 @@ def carry(case: Case, power: Mapping[str, Floats], line_up: Bools) -> Carried:
         case: network and devices.
         power: MW fed in by every device, (members,) by its name; loads are negative.
         line_up: (lines of the case, members) False where a line has failed.
+        energy: (units, members) MWh in storage as the slot begins.
     """
     closed = line_up & case.network.in_service[:, None]
     fleets = list(device_fleets(case).values())
     units = forming_units(fleets)
-    chosen = carriers(case, units, connected(case, closed))
+    forms = forming_then(fleets, units, energy)
+    chosen = carriers(case, units, connected(case, closed), forms)
     root = at_buses(case, units.bus, chosen) > 0
     p, q = injections(case, fleets, power, closed.shape[1])
     solution = flow(case.network, p, q, closed, root, held_voltages(case, fleets))
@@ -132,14 +134,23 @@ def connected(case: Case, line_up: Bools) -> Situation:
     return Situation(case.profile, names, ends, line_up, forming, n)
 
 
-def roots(case: Case, situation: Situation) -> Bools:
+def roots(case: Case, situation: Situation, energy: Floats | None = None) -> Bools:
     """(buses, members) one bus of every live island: its grid's, or its largest forming unit's.
+
+    Args:
+        case: network and devices.
+        situation: on the whole network.
+        energy: (units, members) MWh in storage as the slot begins; enough in all if omitted.
 
     Raises:
         UsageError: a situation on a merged network.
     """
-    units = forming_units(list(device_fleets(case).values()))
-    return at_buses(case, units.bus, carriers(case, units, situation)) > 0
+    fleets = list(device_fleets(case).values())
+    units = forming_units(fleets)
+    forms = np.ones((len(units.names), situation.n), bool)
+    if energy is not None:
+        forms = forming_then(fleets, units, energy)
+    return at_buses(case, units.bus, carriers(case, units, situation, forms)) > 0
 
 
 @dataclass(frozen=True)
@@ -175,8 +186,36 @@ def forming_units(fleets: list[DeviceFleet]) -> FormingUnits:
     )
 
 
-def carriers(case: Case, units: FormingUnits, situation: Situation) -> Bools:
-    """(units, members) whether a unit carries its island: the first of those that stand in it.
+def forming_then(
+    fleets: Iterable[DeviceFleet],
+    units: FormingUnits,
+    energy: Floats,
+    running: Mapping[str, Floats] | None = None,
+) -> Bools:
+    """(units, members) whether a unit forms an island then: it has energy to give, and runs.
+
+    Args:
+        fleets: all devices.
+        units: those of them that can.
+        energy: (storage units, members) MWh in storage as the slot begins.
+        running: (members,) 1 where a unit with commitment runs, by its name.
+    """
+    able = {name: on > 0.5 for name, on in (running or {}).items()}
+    members = energy.shape[1]
+    for fleet in fleets:
+        has = np.broadcast_to(fleet.has_energy(energy), (len(fleet.tables), members))
+        able |= {name: has[k] & able.get(name, True) for k, name in enumerate(fleet.names)}
+    return np.array([able[name] for name in units.names], bool).reshape(-1, members)
+
+
+def carriers(case: Case, units: FormingUnits, situation: Situation, forms: Bools) -> Bools:
+    """(units, members) whether a unit carries its island: the first of those that form it.
+
+    Args:
+        case: network and devices.
+        units: those that can.
+        situation: on the whole network.
+        forms: (units, members) whether they do.
 
     Raises:
         UsageError: a situation on a merged network.
@@ -192,8 +231,8 @@ def carriers(case: Case, units: FormingUnits, situation: Situation) -> Bools:
     chosen = np.zeros((len(units.names), situation.n), bool)
     for k, bus in enumerate(units.bus):
         mine = island[bus]
-        chosen[k] = ~has_root[mine, every]
-        has_root[mine, every] = True
+        chosen[k] = forms[k] & ~has_root[mine, every]
+        has_root[mine, every] |= forms[k]
     return chosen
 
 

@@ -1,7 +1,7 @@
 """Is a plan one that the wires can carry? AC power flow of all its slots, islands included.
 
-The plan's powers are taken as they are. In every island the largest forming unit is the root: it
-holds the voltage, and gives what the plan did not fund, losses above all.
+The plan's powers are taken as they are. In every island the largest unit that forms then is the
+root: it holds the voltage, and gives what the plan did not fund, losses above all.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from resilience.models.ac_check import (
     at_buses,
     carriers,
     connected,
+    forming_then,
     forming_units,
     held_voltages,
 )
@@ -111,7 +112,7 @@ def ac_check_plan(plan: Plan) -> PlanACCheck:
     case = plan.case
     fleets = list(device_fleets(case).values())
     situation, units = connected(case, _closed(plan, case)), forming_units(fleets)
-    chosen = carriers(case, units, situation)
+    chosen = carriers(case, units, situation, _forming_then(plan, case, fleets, units))
     root = at_buses(case, units.bus, chosen) > 0
     p, q = _injections(plan, case, fleets)
     volts = _held_voltages(plan, case, fleets)
@@ -140,6 +141,19 @@ def _closed(plan: Plan, case: Case) -> Bools:
         table = plan.tables["line_closed"]
         up[[network.line(name) for name in table.labels]] = table.values > 0.5
     return up
+
+
+def _forming_then(plan: Plan, case: Case, fleets: list[DeviceFleet], units: FormingUnits) -> Bools:
+    """(forming units, slots) whether a unit forms its island in the plan, which may be dark."""
+    energy = np.empty((0, case.slots))
+    stores = [fleet for fleet in fleets if fleet.stored is not None]
+    if stores:
+        start = np.concatenate([fleet.start()[str(fleet.stored)] for fleet in stores])
+        energy = np.column_stack([start, plan.tables["energy"].values[:, :-1]])
+    on = plan.tables.get("on")
+    running = {} if on is None else dict(zip(on.labels, on.values, strict=True))
+    lit = plan.tables["island"].values[units.bus] > 0
+    return lit & forming_then(fleets, units, energy, running)
 
 
 def _injections(plan: Plan, case: Case, fleets: list[DeviceFleet]) -> tuple[Floats, Floats]:

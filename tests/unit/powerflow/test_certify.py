@@ -16,7 +16,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.planning.ac_check import ac_check_plan
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.solve import solve
-from resilience.planning.tables import SlotTable
+from resilience.planning.tables import SlotTable, balance
 from resilience.testing import small_case
 
 
@@ -114,6 +114,7 @@ def test_of_several_grids_the_one_that_gives_most_is_the_root() -> None:
     case = small_case(
         buses=4,
         lines=[(1, 2, 0.05, 0.02), (2, 3, 0.04, 0.02), (3, 4, 0.03, 0.02)],
+        line_tables=[{"name": "2-3", "switchable": True}],
         grid=[
             {"bus": "1", "import_max_mw": 2.0, "export_max_mw": 7.0, "import_cost_per_mwh": 1.0},
             {"bus": "3", "import_max_mw": 5.0, "export_max_mw": 0.5, "import_cost_per_mwh": 3.0},
@@ -170,7 +171,8 @@ def test_a_store_that_carries_an_island_has_a_limit_either_way(
     exact = taken + 0.05 * taken**2 / square
     assert exact == pytest.approx(value, abs=1e-4)
     planned = SlotTable(tuple(power), np.array(list(power.values())))
-    found = ac_check_plan(replace(plan, tables={**plan.tables, "power": planned}))
+    tables = {**plan.tables, "power": planned}
+    found = ac_check_plan(replace(plan, tables=tables, energy_mwh=balance(store_behind(), tables)))
     root = found.root
     assert root is not None
     assert (root.name, root.time, root.limit) == ("ess1", "01:00", limit)
@@ -178,7 +180,8 @@ def test_a_store_that_carries_an_island_has_a_limit_either_way(
     assert root.excess == pytest.approx(abs(exact - limit), abs=1e-6)
 
     members = {name: np.array([0.0, values[1]]) for name, values in power.items()}
-    carried = carry(store_behind(), members, np.array([[False, False], [True, True]]))
+    up = np.array([[False, False], [True, True]])
+    carried = carry(store_behind(), members, up, np.full((1, 2), 1.7))
     assert carried.root_worst_mw == pytest.approx([0.0, abs(exact - limit)], abs=1e-6)
     assert carried.root_excess_mw == pytest.approx([0.0, abs(exact - limit)], abs=1e-6)
 
@@ -212,3 +215,61 @@ def test_it_needs_the_case_and_its_whole_network(ac: Plan) -> None:
     merged = Microgrid.build(case, "copperplate").situation(status(case))
     with pytest.raises(UsageError, match="the situation has 5 buses, the case 33"):
         roots(case, merged)
+
+
+def two_stores() -> Case:
+    """An island of two stores from 01:00 on; the larger of them is empty."""
+    return small_case(
+        slots=3,
+        buses=3,
+        lines=[(1, 2, 0.05, 0.02), (2, 3, 0.05, 0.02)],
+        outages=["1-2@01:00-03:00"],
+        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 9.0}],
+        ess=[
+            {"bus": "2", "p_max_mw": 0.3, "p_min_mw": -1.7, "e_mwh": 5.0, "soc_initial": 0.2}
+            | {"soc_min": 0.2, "degradation_cost_per_mwh": 0.4},
+            {"bus": "3", "p_max_mw": 0.4, "p_min_mw": -0.7, "e_mwh": 3.0, "soc_initial": 0.6}
+            | {"degradation_cost_per_mwh": 0.3},
+        ],
+        load=[{"bus": "3", "p_max_mw": 0.35, "shed_cost_per_mwh": 50.0}],
+    )
+
+
+def test_an_empty_store_carries_nothing_in_a_plan_or_a_trajectory() -> None:
+    """By size it would be the first; the other one forms the island, and so holds its voltage."""
+    case = two_stores()
+    plan = solve(case, "lp", physics="copperplate")
+    assert plan.tables["energy"]["ess1"] == pytest.approx([1.0, 1.0, 1.0])
+    found = ac_check_plan(plan)
+    assert found.ok
+    assert found.flow.v_pu[2, 1:] == pytest.approx([1.0, 1.0])
+    assert found.loss_mwh == pytest.approx(found.flow.loss_mw[0])  # the load is at the root's bus
+
+    power = {name: plan.tables["power"][name][1:] for name in plan.tables["power"].labels}
+    power["ess2"] = np.zeros(2)  # what the root gives then
+    up, stored = np.array([[False, False], [True, True]]), np.array([[1.0, 1.5], [1.4, 1.4]])
+    root = roots(case, connected(case, up), stored)
+    assert root[1:].tolist() == [[False, True], [True, False]]
+    lost = carry(case, power, up, stored).loss_mw
+    assert lost[0] == pytest.approx(0.0, abs=1e-9)
+    assert lost[1] == pytest.approx(0.05 * 0.35**2, rel=0.05)
+
+
+def test_a_generator_that_stands_carries_nothing() -> None:
+    """The diesel at bus 2 is off, since the store at bus 3 has what the load needs."""
+    diesel = {"bus": "2", "p_max_mw": 1.9, "p_min_mw": 0.2, "cost_per_mwh": 7.0}
+    case = small_case(
+        slots=3,
+        buses=3,
+        lines=[(1, 2, 0.05, 0.02), (2, 3, 0.05, 0.02)],
+        outages=["1-2@01:00-03:00"],
+        grid=[{"import_max_mw": 2.0, "import_cost_per_mwh": 9.0}],
+        generator=[diesel | {"no_load_cost_per_h": 60.0}],
+        ess=[{"bus": "3", "p_max_mw": 0.4, "p_min_mw": -0.7, "e_mwh": 3.0, "soc_initial": 0.6}],
+        load=[{"bus": "3", "p_max_mw": 0.35, "shed_cost_per_mwh": 500.0}],
+    )
+    plan = solve(case, "milp", physics="copperplate")
+    assert plan.tables["on"]["generator1"].max() == 0.0
+    found = ac_check_plan(plan)
+    assert found.flow.loss_mw[1:] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert np.abs(found.flow.p_root_mw[1, 1:]).max() == pytest.approx(0.0, abs=1e-9)
