@@ -16,6 +16,7 @@ from resilience.models.network.situation import Situation
 from resilience.models.program.gate import cost_scale
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
+from resilience.tolerances import INTEGRALITY_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -140,7 +141,7 @@ def as_switched(program: CaseProgram, z: Floats) -> Situation:
 
 
 def _forming_now(program: CaseProgram, z: Floats) -> Bools:
-    """(buses, nodes) whether a forming unit stands there that runs, or has energy to give."""
+    """(buses, nodes) whether a unit forms there: it runs or has energy, and z leaves it no dark."""
     standard, nodes = program.standard, program.standard.tree.n
     forming = np.zeros((len(program.situation.forming), nodes), bool)
     for fleet in program.microgrid.fleets.values():
@@ -153,4 +154,8 @@ def _forming_now(program: CaseProgram, z: Floats) -> Bools:
             forms[committed] &= z[standard.columns(fleet.running)] > 0.5
         device, node = np.nonzero(forms)
         forming[fleet.bus[device], node] = True
+    cells = program.microgrid.energised
+    if cells is not None:
+        lit = z[standard.columns("cell.energised")] > INTEGRALITY_TOLERANCE
+        forming &= lit[cells.cell]
     return forming

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from resilience.case import Case
@@ -126,3 +127,37 @@ def test_a_switched_island_lives_on_the_part_with_a_unit_that_runs(method: str) 
     # Wires lose 0.8^2 * 0.017 MW / v^2, 1.4 % of the load, at 7 or 20 $/MWh; none in lindistflow.
     assert found.objective == pytest.approx(expected, rel=1e-6 if method == "milp" else 5e-3)
     assert found["load.shed"].max() == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["lp", "milp", "minlp"])
+@pytest.mark.parametrize(
+    ("soc_initial", "sun", "cost"),
+    [
+        (0.3, [1.1, 0.9, 0.7], 3 * 0.8 * 50.0),  # nothing to form with: all is shed and spilled
+        (0.5, [1.1, 0.9, 0.6], 0.0),  # 0.3, 0.1 MW are charged, 0.2 MW discharged
+        # 1.1 MWh have room: 0.6 and 0.4 MW of two hours, 0.6 MW of the third have not.
+        (0.5, [1.4, 1.2, 1.4], 0.8 * 50.0),
+    ],
+)
+def test_power_that_must_be_taken_is_spilled_in_the_dark(
+    method: str, soc_initial: float, sun: list[float], cost: float
+) -> None:
+    """0.8 MW of load beside PV that cannot be curtailed, in an island that only a storage forms."""
+    case = small_case(
+        slots=3,
+        buses=2,
+        lines=[(1, 2, 0.011, 0.013)],
+        outages=["1-2@00:00-03:00"],
+        profiles={"sun": [s / 1.3 for s in sun]},
+        load=[{"bus": "2", "p_max_mw": 0.8, "shed_cost_per_mwh": 50.0}],
+        grid=[GRID],
+        pv=[{"bus": "2", "p_max_mw": 1.3, "profile": "sun", "curtailable": False}],
+        ess=[{"bus": "2", "p_max_mw": 0.65, "e_mwh": 2.5, "s_mva": 0.9, "soc_min": 0.3}
+             | {"soc_max": 0.94, "soc_initial": soc_initial}],
+    )  # fmt: skip
+    found = solved(case, method)
+    assert found.objective == pytest.approx(cost, abs=1e-4)
+    alive = as_switched(found.problem, found.answer.z).alive[1] > 0.5
+    fed = np.array(sun) * alive
+    assert alive.sum() == 3 - round(cost / 40.0)
+    assert found["pv.p"][0] == pytest.approx(fed, abs=1e-6)

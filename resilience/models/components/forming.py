@@ -22,7 +22,10 @@ $$ \delta \phi_i \le e_i - \underline{s} E_i, \qquad
 
 with $e_i$ at the start of the step: it forms only with energy to give, $\delta$ at least.
 So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1. A plan
-may leave an island dark that could be alive, but not one with power that must be taken.
+may leave an island dark that could be alive. Power $\underline{p}$ that must be taken is spilled in
+the dark, all or nothing:
+
+$$ p \ge \underline{p} - \overline{P} (1 - a_c), \qquad a_c (1 - a_c) = 0 $$
 
 | symbol | name | unit |
 |---|---|---|
@@ -32,6 +35,7 @@ may leave an island dark that could be alive, but not one with power that must b
 | $\phi_i$ | `generator.on`; `ess.forms` | 1 |
 | $\lambda_i$ | `ess.lacks`, what the storage lacks of $\delta$ | 1 |
 | $\delta$ | 0.1 % of `e_mwh` | MWh |
+| $1 - a_c$ | `cell.pv.dark`, where power must be taken | 1 |
 """
 
 from __future__ import annotations
@@ -50,6 +54,7 @@ from resilience.models.components.fleet import DeviceFleet
 from resilience.models.components.line import Lines
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
+from resilience.models.structures import Split
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,8 @@ class Energised:
         stage.define(AT_BUS, energised[self.cell])
 
     def limit(self, stage: Stage, fleet: DeviceFleet, fed: Injection) -> None:
-        """Holds what a fleet feeds in at zero where its cell is not energised."""
+        """Holds what a fleet feeds in at zero where its cell is dark, at its least where it is not."""
+        self._take(stage, fleet, fed)
         rows = np.flatnonzero(~self.sure[self.cell[fleet.bus]])
         if not len(rows):
             return
@@ -109,6 +115,22 @@ class Energised:
                 stage.le(f"{name}_upper", power[rows], alive * give)
             if take.any():
                 stage.le(f"{name}_lower", -power[rows], alive * take)
+
+    def _take(self, stage: Stage, fleet: DeviceFleet, fed: Injection) -> None:
+        """Power that must be taken is, unless the island is dark as a whole."""
+        if fleet.least is None:
+            return
+        units = np.flatnonzero(fleet.must_take())
+        least, alive = stage[fleet.least][units], stage[AT_BUS][fleet.bus[units]]
+        most = MAX_PU * fleet.power_range()[1][units]
+        stage.le(f"cell.{fleet.kind}.taken", least - (1.0 - alive) * most, fed.p[units])
+        cells = np.unique(self.cell[fleet.bus[units]])
+        cells = cells[~self.sure[cells]]
+        names, ones = [self.names[k] for k in cells], np.ones(len(cells))
+        dark = stage.var(f"cell.{fleet.kind}.dark", names, 0.0, 1.0, unit="1", about="is dark")
+        lit = stage["cell.energised"][cells]
+        stage.eq(f"cell.{fleet.kind}.whole", lit + dark, 1.0)
+        stage.structure(Split, f"cell.{fleet.kind}.whole", (lit, dark), (ones, ones))
 
     def connect(self, stage: Stage) -> None:
         """Ties the cells of an island to each other and to what forms it, behind all devices."""

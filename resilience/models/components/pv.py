@@ -6,7 +6,7 @@ p_i^2 + q_i^2 \le S_i^2, \qquad C = \Delta t \sum_i c_i p_i $$
 | symbol | name | unit |
 |---|---|---|
 | $a_i$ | `pv.available` (data): profile times `p_max_mw`, zero in a dead island | MW |
-| $p_i$ | `pv.p` | MW |
+| $p_i$ | `pv.p`; not even what must be taken is, where the plan leaves an island dark | MW |
 | $q_i$ | `pv.q`, only with an inverter rating `s_mva` $= S_i$ | Mvar |
 | $c_i$ | `cost_per_mwh` | $/MWh |
 """
@@ -19,9 +19,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import PVTable
-from resilience.models.components.base import Injection, inverter
+from resilience.models.components.base import AT_BUS, Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
@@ -39,6 +39,7 @@ class PV(DeviceFleet):
     limit: ClassVar[str] = "pv.available"
     fed: ClassVar = EnergyTerm("pv", "PV")
     curtailed: ClassVar = EnergyTerm("pv_curtailed", "PV curtailed")
+    least: ClassVar = "pv.must_take"
 
     tables: Sequence[PVTable]
 
@@ -60,6 +61,10 @@ class PV(DeviceFleet):
     def apparent_mva(self) -> Floats:
         """The inverter's rating."""
         return self.capacity()[0]
+
+    def must_take(self) -> Bools:
+        """Plants that cannot be curtailed."""
+        return np.array([not t.curtailable for t in self.tables], bool)
 
     def expected(self) -> tuple[tuple[str | None, float], ...]:
         """The sun's profile and the output at its 1."""
@@ -83,7 +88,8 @@ class PV(DeviceFleet):
         """Power up to what the sun gives."""
         available = stage.data("pv.available", self.names, about="power available")
         must = stage.data("pv.must_take", self.names, about="power that cannot be curtailed")
-        p = stage.var("pv.p", self.names, must, available, about="power fed in")
+        least = np.zeros(len(self.tables)) if AT_BUS in stage else must
+        p = stage.var("pv.p", self.names, least, available, about="power fed in")
         prices = np.array([t.cost_per_mwh for t in self.tables])
         stage.cost("pv.energy", p, prices * stage.dt)
         return Injection(p, inverter(stage, "pv", p, self.s_mva, self.rated), self.bus)
@@ -93,9 +99,8 @@ class PV(DeviceFleet):
         sun = np.array([t.p_max_mw * situation.profile(t.profile) for t in self.tables])
         alive = situation.alive_at(self.bus)
         available = sun.reshape(alive.shape) * alive
-        forced = np.array([not t.curtailable for t in self.tables], float)
         return {
             "pv.available": available,
-            "pv.must_take": available * forced[:, None],
+            "pv.must_take": available * self.must_take()[:, None],
             "pv.q_max": self.s_mva[:, None] * alive[self.rated],
         }
