@@ -1,8 +1,8 @@
 """Three feeders of three substations, 16 buses (Civanlar et al. 1988): one grid per tree.
 
 Data: S. Civanlar, J. J. Grainger, H. Yin, S. S. H. Lee, Distribution Feeder Reconfiguration for
-Loss Reduction, IEEE Transactions on Power Delivery 3 (1988) 1217-1223; ohms at 10 kV here, which is its
-per unit at 100 MVA.
+Loss Reduction, IEEE Transactions on Power Delivery 3 (1988) 1217-1223; ohms at 10 kV here, which
+is its per unit at 100 MVA.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ class Energised:
         stage.define(AT_BUS, energised[self.cell])
 
     def limit(self, stage: Stage, fleet: DeviceFleet, fed: Injection) -> None:
-        """Holds what a fleet feeds in at zero where its cell is dark, at its least where it is not."""
+        """Holds what a fleet feeds in at zero in the dark, and at its least elsewhere."""
         self._take(stage, fleet, fed)
         rows = np.flatnonzero(~self.sure[self.cell[fleet.bus]])
         if not len(rows):

@@ -6,6 +6,8 @@ import pytest
 
 import resilience as rs
 from resilience.case.checks.remarks import remarks
+from resilience.case.document import Document
+from resilience.case.load import build_case
 from resilience.testing import small_case
 
 
@@ -23,6 +25,21 @@ def test_a_forming_unit_without_reactive_power_is_named() -> None:
 def test_loads_without_reactive_power_need_none() -> None:
     loads = [{"p_max_mw": 1.0, "shed_cost_per_mwh": 5.0}]
     assert remarks(small_case(load=loads, ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])) == []
+
+
+def test_energy_that_is_worth_nothing_is_named_unless_that_is_said() -> None:
+    """A unit that has to keep some at the end is none of it."""
+    plain = {"p_max_mw": 0.7, "e_mwh": 2.5}
+    case = small_case(ess=[plain, plain | {"soc_final_min": 0.3}, plain | {"e_mwh": 1.7}])
+    assert remarks(case) == []  # it says terminal_value_per_mwh = 0
+    silent = {k: v for k, v in case.source.items() if k != "terminal_value_per_mwh"}
+    (words,) = remarks(build_case(Document(None, silent)))
+    assert words.startswith("[[ess]] ess1, [[ess]] ess3: stored energy is worth nothing at the end")
+    assert "\nhint: give terminal_value_per_mwh" in words
+    worth = silent | {"terminal_value_per_mwh": 3.0}
+    assert remarks(build_case(Document(None, worth))) == []
+    kept = silent | {"ess": [{**t, "soc_final_min": 0.2} for t in silent["ess"]]}
+    assert remarks(build_case(Document(None, kept))) == []
 
 
 @pytest.mark.parametrize("name", ["ieee33", "ieee33-commitment", "large"])

@@ -238,3 +238,49 @@ def test_mpc_keeps_a_reserve_while_a_storm_may_come_and_sells_it_afterwards(worl
                               np.full(3, 72), now.forecast)  # fmt: skip
         energies.append(mpc.act(evening).sum())
     assert energies[0] > energies[1] + 1.0
+
+
+def kept(final: float | None) -> Case:
+    """0.7 MW of load at 90 $/MWh beside a store of 1.2 MWh, of which some has to be left; no grid
+    behind the line, which is down for the last three of four hours.
+    """
+    store = {"bus": "2", "p_max_mw": 0.9, "e_mwh": 3.0, "soc_initial": 0.4}
+    return small_case(
+        slots=4,
+        buses=2,
+        lines=[(1, 2, 0.011, 0.013)],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
+        outages=["1-2@01:00-04:00"],
+        load=[{"bus": "2", "p_max_mw": 0.7, "shed_cost_per_mwh": 90.0}],
+        ess=[store if final is None else store | {"soc_final_min": final}],
+        grid=[{"import_max_mw": 1.1, "import_cost_per_mwh": 4.0}],
+    )
+
+
+@pytest.mark.parametrize(
+    ("final", "left", "discharged"),
+    [
+        (None, 1.1, 0.7),  # nothing has to be left: the load is served
+        (0.3, 1.1, 0.2),  # of 1.1 MWh 0.9 stay
+        (0.5, 1.1, 0.0),  # 1.5 MWh cannot be had any more: the lack is paid for, no error
+    ],
+)
+def test_energy_that_has_to_be_left_is_kept_or_its_lack_is_priced(
+    final: float | None, left: float, discharged: float
+) -> None:
+    """In the last hour of the horizon, the line down: a MWh served saves 90 $, one lacking costs 90
+    $, and discharging wears; so what has to be left stays.
+    """
+    wear = {"degradation_cost_per_mwh": 0.3}
+    case = kept(final)
+    case = case.replace(ess=tuple(t.model_copy(update=wear) for t in case.ess))
+    program = WindowProgram(merged_grid(case), WindowSteps(2, 0), 1)
+    up = np.zeros((1, 2, 1), bool)
+    request = WindowRequest(3, np.array([left]), up, np.ones(1), exact(case), np.zeros(1))
+    assert program.final_price_per_mwh == 90.0
+    (power,) = program.decide(request)
+    assert power == pytest.approx(-discharged, abs=1e-6)
+    data = program.data(request)
+    if final is not None:
+        assert data["ess.final_min"][0] == pytest.approx([3.0 * final, 0.0])
+        assert data["ess.final_price"][0] == pytest.approx([90.0, 90.0])
