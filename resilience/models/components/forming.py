@@ -122,8 +122,8 @@ class Energised:
             return
         units = np.flatnonzero(fleet.must_take())
         least, alive = stage[fleet.least][units], stage[AT_BUS][fleet.bus[units]]
-        most = MAX_PU * fleet.power_range()[1][units]
-        stage.le(f"cell.{fleet.kind}.taken", least - (1.0 - alive) * most, fed.p[units])
+        room_mw = MAX_PU * fleet.power_range()[1][units]
+        stage.le(f"cell.{fleet.kind}.taken", least - (1.0 - alive) * room_mw, fed.p[units])
         cells = np.unique(self.cell[fleet.bus[units]])
         cells = cells[~self.sure[cells]]
         names, ones = [self.names[k] for k in cells], np.ones(len(cells))
