@@ -121,9 +121,9 @@ class Energised:
         if fleet.least is None:
             return
         units = np.flatnonzero(fleet.must_take())
-        least, alive = stage[fleet.least][units], stage[AT_BUS][fleet.bus[units]]
+        forced_mw, alive = stage[fleet.least][units], stage[AT_BUS][fleet.bus[units]]
         room_mw = MAX_PU * fleet.power_range()[1][units]
-        stage.le(f"cell.{fleet.kind}.taken", least - (1.0 - alive) * room_mw, fed.p[units])
+        stage.le(f"cell.{fleet.kind}.taken", forced_mw - (1.0 - alive) * room_mw, fed.p[units])
         cells = np.unique(self.cell[fleet.bus[units]])
         cells = cells[~self.sure[cells]]
         names, ones = [self.names[k] for k in cells], np.ones(len(cells))

@@ -88,8 +88,8 @@ class PV(DeviceFleet):
         """Power up to what the sun gives."""
         available = stage.data("pv.available", self.names, about="power available")
         must = stage.data("pv.must_take", self.names, about="power that cannot be curtailed")
-        least = np.zeros(len(self.tables)) if AT_BUS in stage else must
-        p = stage.var("pv.p", self.names, least, available, about="power fed in")
+        lower_mw = np.zeros(len(self.tables)) if AT_BUS in stage else must
+        p = stage.var("pv.p", self.names, lower_mw, available, about="power fed in")
         prices = np.array([t.cost_per_mwh for t in self.tables])
         stage.cost("pv.energy", p, prices * stage.dt)
         return Injection(p, inverter(stage, "pv", p, self.s_mva, self.rated), self.bus)
