@@ -71,7 +71,7 @@ class DeviceFleet(ABC):
         curtailed: term for what the weather offered and nobody took.
         limit: name of the datum with the most that it can feed in, MW: what the weather offers, or
             what the devices are able to; loads have none.
-        least: name of the datum with the least that it feeds in while its island is alive, MW;
+        forced: name of the datum with the least that it feeds in while its island is alive, MW;
             None where that is nothing.
         stored: name of its state of stored energy, MWh; None of all but storage.
         forms: name of its variable that is 1 where a device forms its island, of those devices (its
@@ -90,7 +90,7 @@ class DeviceFleet(ABC):
     fed: ClassVar[EnergyTerm | None] = None
     intake: ClassVar[EnergyTerm | None] = None
     curtailed: ClassVar[EnergyTerm | None] = None
-    least: ClassVar[str | None] = None
+    forced: ClassVar[str | None] = None
     stored: ClassVar[str | None] = None
     forms: ClassVar[str | None] = None
     running: ClassVar[str | None] = None
@@ -175,7 +175,7 @@ class DeviceFleet(ABC):
         return np.array([getattr(t, "grid_forming", False) for t in self.tables], bool)
 
     def must_take(self) -> Bools:
-        """Whether a device feeds in the datum `least` at least, which nobody can turn down."""
+        """Whether a device feeds in the datum `forced` at least, which nobody can turn down."""
         return np.zeros(len(self.tables), bool)
 
     def forms_surely(self) -> Bools:

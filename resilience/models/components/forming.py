@@ -118,10 +118,10 @@ class Energised:
 
     def _take(self, stage: Stage, fleet: DeviceFleet, fed: Injection) -> None:
         """Power that must be taken is, unless the island is dark as a whole."""
-        if fleet.least is None:
+        if fleet.forced is None:
             return
         units = np.flatnonzero(fleet.must_take())
-        forced_mw, alive = stage[fleet.least][units], stage[AT_BUS][fleet.bus[units]]
+        forced_mw, alive = stage[fleet.forced][units], stage[AT_BUS][fleet.bus[units]]
         room_mw = MAX_PU * fleet.power_range()[1][units]
         stage.le(f"cell.{fleet.kind}.taken", forced_mw - (1.0 - alive) * room_mw, fed.p[units])
         cells = np.unique(self.cell[fleet.bus[units]])

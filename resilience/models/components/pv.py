@@ -39,7 +39,7 @@ class PV(DeviceFleet):
     limit: ClassVar[str] = "pv.available"
     fed: ClassVar = EnergyTerm("pv", "PV")
     curtailed: ClassVar = EnergyTerm("pv_curtailed", "PV curtailed")
-    least: ClassVar = "pv.must_take"
+    forced: ClassVar = "pv.must_take"
 
     tables: Sequence[PVTable]
 
