@@ -244,9 +244,13 @@ def _answer(search: LinearSearch, relaxed: Solution, reason: str) -> MethodResul
         notes.append(f"{number} mode binaries were needed")
     with phase("tie-break"):
         best = with_least_circulation(search.program, best, search.deadline.final_s / 2)
-    return MethodResult.from_solution(
+    result = MethodResult.from_solution(
         search.program, best, search.bound, search.options.gap, reason, notes
     )
+    if result.relaxed and reason not in result.notes:
+        # Of a relaxation the gap may be none, and still it is not what was looked for.
+        result.notes.append(reason)
+    return result
 
 
 def _disc_tangents(standard: Standard, z: Floats) -> list[Rows]:

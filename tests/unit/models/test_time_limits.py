@@ -14,13 +14,14 @@ import pytest
 
 from resilience.case import Case
 from resilience.errors import SolverError
+from resilience.models.backends.base import NOTHING
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import horizon
-from resilience.models.methods import METHODS, MethodOptions
-from resilience.models.methods.answer import GRACE_S, Deadline
+from resilience.models.methods import METHODS, MethodOptions, linear
+from resilience.models.methods.answer import GRACE_S, OUT_OF_TIME, Deadline
 from resilience.testing import small_case
 
 BEGAN = 17.0
@@ -147,3 +148,17 @@ def test_clarabel_stopped_early_still_proves_a_bound(
     assert (early.status, early.z) == ("none", None)
     assert np.isfinite(early.bound)
     assert early.bound < optimum
+
+
+def test_a_relaxed_answer_says_what_ended_the_search(
+    case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is the optimum of what it relaxes, so its gap is none: the limit is named all the same."""
+    watch = Watch(pace=5.0)
+    watch.watch(monkeypatch, Highs)
+    monkeypatch.setattr(linear, "_any_plan", lambda search: NOTHING)
+    monkeypatch.setattr(linear, "_plan", lambda search, relaxed, broken: NOTHING)
+    found = linear.lp(horizon(case, "lindistflow"), MethodOptions(3.0, clock=watch))
+    assert found.status == "optimal"
+    assert found.relaxed
+    assert found.notes[-1] == OUT_OF_TIME
