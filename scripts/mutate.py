@@ -5,8 +5,8 @@
     python scripts/mutate.py --modules 'resilience/case/*' --sample 40 --seed 7
     python scripts/mutate.py --again .cache/mutate/<tree>/random-5.jsonl   # its survivors
 
-Needs coverage.py (`pip install coverage`). What every test executes is measured once for a tree and
-kept in `.cache/mutate/`, and so is every verdict: a run that was stopped goes on where it was.
+Needs coverage.py (`pip install coverage`). What every test executes is measured once, file by file,
+and kept in `.cache/mutate/`, and so is every verdict: a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations

@@ -10,10 +10,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import TextIO
 
+from scripts.mutation.measurement import fingerprint, measured
 from scripts.mutation.mutants import Mutant, Signatures, mutants
 from scripts.mutation.report import Verdict, equivalents, read_verdicts, table
-from scripts.mutation.selection import Selection, fingerprint, measure
-from scripts.mutation.server import Trial, in_a_child, outcomes, warm_up
+from scripts.mutation.selection import Selection
+from scripts.mutation.server import Trial, outcomes, warm_up
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = [
@@ -43,6 +44,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=5, help="which ones; 5 if not given")
     parser.add_argument("--aimed", action="store_true", help="leave out parts, no slips")
     parser.add_argument("--again", type=Path, metavar="RESULTS", help="survivors of another run")
+    parser.add_argument("--tests", nargs="+", default=["tests"], metavar="PATH", help="of tests")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of tests per mutant")
     parser.add_argument("--workers", type=int, default=1)
     return parser.parse_args()
@@ -54,18 +56,6 @@ def candidates(modules: list[str], kind: str) -> list[Mutant]:
     signatures = Signatures.of(ast.parse((ROOT / file).read_bytes()) for file in files)
     names = [str(file) for file in files if any(fnmatch(str(file), glob) for glob in modules)]
     return [one for name in names for one in mutants(ROOT, name, signatures) if one.kind == kind]
-
-
-def measured(folder: Path) -> Selection:
-    """What every test executes, measured now if it was not for this tree."""
-    if not (folder / "seconds.json").is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        print("measuring what every test executes", flush=True)
-        child = in_a_child(lambda: measure(ROOT, folder), ROOT, folder / "measure.log")
-        child.join()
-        if not (folder / "seconds.json").is_file():
-            raise SystemExit(f"no test could be measured; see {folder / 'measure.log'}")
-    return Selection.read(ROOT, folder)
 
 
 def trials(sample: list[Mutant], selection: Selection, budget: float) -> Iterator[Trial]:
@@ -114,8 +104,11 @@ def chosen(options: argparse.Namespace, folder: Path) -> tuple[list[Mutant], Pat
 def main() -> None:
     """Samples mutants, tries those without a verdict, and prints the survivors and a table."""
     options = arguments()
-    folder = ROOT / ".cache" / "mutate" / fingerprint(ROOT)
-    selection = measured(folder)
+    cache = ROOT / ".cache" / "mutate"
+    parts = measured(ROOT, cache / "measured", options.tests, options.workers)
+    selection = Selection.read(ROOT, parts)
+    folder = cache / fingerprint(ROOT)
+    folder.mkdir(exist_ok=True)
     sample, results = chosen(options, folder)
     noted = equivalents()
     changing = [mutant for mutant in sample if mutant.key not in noted]

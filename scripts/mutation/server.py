@@ -26,11 +26,13 @@ from typing import Literal
 import pytest
 
 from scripts.mutation.mutants import Mutant
-from scripts.mutation.selection import FAST
 
 HEAVY = ["numpy", "scipy.sparse.linalg", "scipy.optimize", "pandas", "pydantic", "networkx"]
 HEAVY += ["casadi", "cvxpy", "highspy", "clarabel", "pyomo.environ", "joblib"]
 """What children find imported already; nothing of the package, and nothing that pytest rewrites."""
+FAST = ["-q", "-p", "no:cacheprovider", "-p", "no:benchmark", "--hypothesis-seed=0"]
+FAST += ["-m", "not slow", "--tb=line"]
+"""Arguments of pytest for every run, measured or mutated."""
 Status = Literal["killed", "timeout", "survived"]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from scripts.mutation.measurement import parts
 from scripts.mutation.mutants import Mutant, Signatures, mutants
 from scripts.mutation.report import Verdict, equivalents, read_verdicts, table
 from scripts.mutation.selection import Selection
@@ -120,7 +121,7 @@ def test_every_fault_is_python_in_a_module_with_characters_of_several_bytes() ->
 
 
 def selection(seconds: dict[str, float]) -> Selection:
-    return Selection(Path("nowhere"), Path("nowhere"), seconds)
+    return Selection(Path("nowhere"), [], seconds)
 
 
 def test_own_tests_come_first_then_one_of_every_file_and_the_cheap_before_the_dear() -> None:
@@ -206,6 +207,14 @@ def test_that_asserts_too_little():
     unseen(5)
 """
 
+MORE = """
+from resilience.numbers import unseen
+
+
+def test_more():
+    unseen(7)
+"""
+
 RUN = """
 import json, sys
 from pathlib import Path
@@ -231,6 +240,7 @@ def small_tree(root: Path) -> Path:
         ("resilience/__init__.py", ""),
         ("resilience/numbers.py", MODULE),
         ("tests/test_numbers.py", TESTS),
+        ("tests/test_more.py", MORE),
     ]:
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
@@ -258,27 +268,44 @@ def test_children_say_what_became_of_each_fault_and_the_tree_stays_as_it_is(tmp_
 MEASURE = """
 import sys
 from pathlib import Path
-from scripts.mutation.selection import measure
-from scripts.mutation.server import in_a_child
+from scripts.mutation.measurement import measured
 
-root, folder = Path(sys.argv[1]), Path(sys.argv[2])
-child = in_a_child(lambda: measure(root, folder), root, folder / "log")
-child.join()
-raise SystemExit(child.exitcode)
+measured(Path(sys.argv[1]), Path(sys.argv[2]), ["tests"], 2)
 """
 
 
-def test_a_mutant_is_met_by_the_tests_that_execute_it(tmp_path: Path) -> None:
+def measurement(root: Path, folder: Path) -> list[str]:
+    """Measures a tree, and returns the files of tests that were measured now."""
     pytest.importorskip("coverage", reason="coverage.py measures which test executes what")
-    root, folder = small_tree(tmp_path / "tree"), tmp_path / "measured"
-    folder.mkdir()
     command = [sys.executable, "-c", MEASURE, str(root), str(folder)]
-    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
-    selection = Selection.read(root, folder)
+    done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("measured")]
+    return sorted(line.split()[1].rstrip(":") for line in lines)
+
+
+def test_a_mutant_is_met_by_the_tests_that_execute_it(tmp_path: Path) -> None:
+    root, folder = small_tree(tmp_path / "tree"), tmp_path / "measured"
+    measurement(root, folder)
+    selection = Selection.read(root, parts(root, folder, ["tests"]).values())
     names = {
         one.faulty: {test.partition("::")[2] for test in selection.of_mutant(one)}
         for one in mutants(root, "resilience/numbers.py", Signatures.of([]))
     }
     assert names["return (a / 2)"] == {"test_double", "test_once"}
     assert names["pass"] == {"test_once"}
-    assert names["return (a - 3)"] == {"test_that_asserts_too_little"}
+    assert names["return (a - 3)"] == {"test_that_asserts_too_little", "test_more"}
+
+
+def test_only_what_has_changed_is_measured_again(tmp_path: Path) -> None:
+    root, folder = small_tree(tmp_path / "tree"), tmp_path / "measured"
+    first, second = "tests/test_more.py", "tests/test_numbers.py"
+    assert measurement(root, folder) == [first, second]
+    assert measurement(root, folder) == []
+    # As it is left where a measurement is ended: coverage, and no seconds.
+    parts(root, folder, [first])[first].with_suffix(".json").unlink()
+    assert measurement(root, folder) == [first]
+    with (root / second).open("a", encoding="utf-8") as file:
+        file.write("\n\ndef test_later():\n    assert doubled(7) == 14\n")
+    assert measurement(root, folder) == [second]
+    (root / "resilience" / "other.py").write_text("", encoding="utf-8")
+    assert measurement(root, folder) == [first, second]
