@@ -1,4 +1,4 @@
-"""How Hypothesis behaves in every test here.
+"""How Hypothesis and Ctrl-C behave in every test here.
 
 A failure is told as it was found, not made smaller first: that took minutes, in which a test run
 may be ended before it says anything. `pytest --hypothesis-profile shrink TEST` makes it smaller.
@@ -6,6 +6,11 @@ may be ended before it says anything. `pytest --hypothesis-profile shrink TEST` 
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Generator
+from types import FrameType
+
+import pytest
 from hypothesis import Phase, settings
 
 settings.register_profile("shrink", deadline=None)
@@ -16,3 +21,21 @@ settings.register_profile(
     print_blob=True,
 )
 settings.load_profile("told at once")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Ctrl-C ends the run also where what a test calls takes it for its own, as commands do."""
+    before = signal.getsignal(signal.SIGINT)
+    if not callable(before):
+        return (yield)
+
+    def note(number: int, frame: FrameType | None) -> None:
+        item.session.shouldstop = "interrupted"
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        return (yield)
+    finally:
+        signal.signal(signal.SIGINT, before)

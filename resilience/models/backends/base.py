@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import wraps
+from types import FrameType
 from typing import Literal, Protocol, TypeVar
 
 import numpy as np
@@ -111,11 +114,35 @@ def failures_of(solver: str) -> Iterator[None]:
         SolverError: it failed.
     """
     try:
-        yield
+        with _interrupts_kept():
+            yield
     except ResilienceError:
         raise
     except Exception as error:
         raise SolverError(f"{solver} failed: {type(error).__name__}: {error}", hint=HINT) from error
+
+
+@contextmanager
+def _interrupts_kept() -> Iterator[None]:
+    """Ctrl-C inside ends the program, also where a library takes it for its own, as CasADi does."""
+    before = signal.getsignal(signal.SIGINT)
+    if not callable(before) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    noted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        noted = True
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if noted:
+            raise KeyboardInterrupt
 
 
 def of_solver(solver: str) -> Callable[[Callable[[B], Solution]], Callable[[B], Solution]]:

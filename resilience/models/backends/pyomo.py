@@ -287,6 +287,8 @@ class Pyomo:
         if np.isfinite(self.time_limit):
             options["time_limit"] = self.time_limit
         answer = SolverFactory("scip_direct").solve(self.model, **options)
+        if answer.termination_condition == End.interrupted:  # SCIP keeps Ctrl-C to itself
+            raise KeyboardInterrupt
         if answer.termination_condition == End.provenInfeasible:
             return Solution("infeasible", None, np.inf, np.inf)
         if answer.incumbent_objective is None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from types import SimpleNamespace
 from typing import Any
 
 import casadi
@@ -12,6 +15,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from pyomo.contrib.solver.common import factory
+from pyomo.contrib.solver.common.results import TerminationCondition
 
 from resilience.errors import SolverError
 from resilience.models.backends.casadi import NLP
@@ -56,4 +60,50 @@ def test_what_a_library_raises_is_a_solver_error(
     monkeypatch.setattr(library, attribute, broken)
     said = f"^{name.removesuffix(', plain')} failed: RuntimeError: a pivot of 1e-42"
     with pytest.raises(SolverError, match=said):
+        solver.solve()
+
+
+@pytest.fixture
+def _ctrl_c_raises() -> Iterator[None]:
+    """As in a terminal, also where the tests run in the background, which ignores Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_ctrl_c_raises")
+@pytest.mark.parametrize("name", CASES)
+def test_ctrl_c_ends_the_program_where_a_library_makes_an_error_of_it(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    went_on = []
+
+    def deaf(*_: Any, **__: Any) -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+            went_on.append("as if nothing had been")
+        raise RuntimeError("an evaluation failed")
+
+    library, attribute, backend = CASES[name]
+    tiny = next(iter(TINY.values()))()
+    solver = backend(tiny.standard)
+    if not isinstance(solver, Plain):
+        solver.update(tiny.vectors)
+    monkeypatch.setattr(library, attribute, deaf)
+    with pytest.raises(KeyboardInterrupt):
+        solver.solve()
+    assert not went_on
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_ends_the_program_where_scip_stops_by_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stopped = SimpleNamespace(termination_condition=TerminationCondition.interrupted)
+    direct = SimpleNamespace(solve=lambda *_, **__: stopped)
+    monkeypatch.setattr(factory, "SolverFactory", lambda _: direct)
+    tiny = next(iter(TINY.values()))()
+    solver = Pyomo(tiny.standard, solver="scip")
+    solver.update(tiny.vectors)
+    with pytest.raises(KeyboardInterrupt):
         solver.solve()
