@@ -75,6 +75,12 @@ def test_a_horizon_beyond_the_file_is_refused(case_file):
     assert problem.allowed == "at least slots = 80"
 
 
+def test_a_horizon_may_end_with_the_file(case_file):
+    path = case_file(("slots = 8", "slots = 72"), text=CASE)
+    (path.parent / "profiles.csv").write_text(csv_text())
+    np.testing.assert_array_equal(load_case(path).profile("homes"), VALUES[24:])
+
+
 def test_a_horizon_that_begins_between_two_rows_is_refused(case_file):
     problem = problem_of(case_file, csv_text(), ("2016-07-12T06:00", "2016-07-12T06:07"))
     assert problem.value == "rows from 2016-07-12 00:00:00 to 2016-07-12 23:45:00"

@@ -7,7 +7,7 @@ import pytest
 
 from resilience.case import load_case
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.pandapower_net import _call, _feeder, feeder_by_name
+from resilience.case.networks.pandapower_net import _call, _feeder, _trafo, feeder_by_name
 from resilience.case.networks.read import read_feeder
 from resilience.case.schema import NetworkTable
 from resilience.errors import UsageError
@@ -226,6 +226,18 @@ def odd(tmp_path_factory):
     path = tmp_path_factory.mktemp("odd") / "odd.json"
     pp.to_json(net, str(path))
     return read(path), net, pp
+
+
+def test_a_transformer_whose_resistance_is_all_of_its_impedance_has_no_reactance():
+    """Rounded data may say a little more than all; pandapower has no answer to that."""
+    row = {
+        "sn_mva": 0.4, "vn_lv_kv": 0.42, "vk_percent": 3.0, "vkr_percent": 3.001,
+        "parallel": 2, "df": 0.9, "max_loading_percent": 80.0,
+    }  # fmt: skip
+    r_pu, x_pu, rating = _trafo(row, 11.0, 0.38)
+    assert r_pu == pytest.approx(0.03001 / 0.4 / 2 * (0.42 / 0.38) ** 2)
+    assert x_pu == 0.0
+    assert rating == pytest.approx(0.4 * 0.9 * 2 * 0.8)
 
 
 def test_parallel_branches_and_their_own_bases_have_the_impedances_of_the_power_flow(odd):

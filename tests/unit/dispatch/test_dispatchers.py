@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -143,6 +144,21 @@ def test_in_an_island_the_rule_gives_what_generators_cannot_and_takes_what_is_ov
         ]
 
 
+def test_demand_that_cannot_be_served_asks_nothing_of_storage(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 1.1 MW net 0.3 have to be shed: 0.8 MW are two thirds of the 1.2 that stores can give."""
+    world = two_stores(grid=False)
+    energy, now = world.start(), world.slot(0)
+    cut_off = {**now.data, "load.shed_min": now.data["load.shed_min"] + 0.3}
+    slot = replace(now, data=cut_off)
+    monkeypatch.setattr(World, "slot", lambda *_: slot)
+    seen = Observation(
+        0, energy, np.ones((0, 1), bool), now.island, np.array([-1]), world.forecast(0)
+    )
+    assert Greedy(world).act(seen)[:, 0] == pytest.approx([-1.6 / 3.0, -0.8 / 3.0])
+
+
 def test_with_a_grid_the_rule_goes_to_its_level_and_reckons_with_losses() -> None:
     """From 2.2 to 2 MWh: 0.2 * 0.8 / 0.5 h; from 0.9 towards 1.5 MWh by 0.5 MW: three slots."""
     world = two_stores(grid=True)
@@ -152,6 +168,23 @@ def test_with_a_grid_the_rule_goes_to_its_level_and_reckons_with_losses() -> Non
         pytest.approx([-0.5, -0.5, -0.2, 0.0], abs=1e-9),
     ]
     assert run.energy[:, -1, 0] == pytest.approx([2.0, 1.5])
+
+
+def test_every_grid_counts_for_its_own_island() -> None:
+    """Each of two stores without a line between them has a grid, and is brought to the level."""
+    case = small_case(
+        buses=2,
+        load=[{"bus": "2", "p_max_mw": 0.4, "shed_cost_per_mwh": 5.0}],
+        ess=[
+            {"bus": "1", "p_max_mw": 3.0, "e_mwh": 4.0, "soc_initial": 0.3},
+            {"bus": "2", "p_max_mw": 3.0, "e_mwh": 5.0, "soc_initial": 0.5},
+        ],
+        grid=[{"bus": bus, "import_max_mw": 9.0, "import_cost_per_mwh": 1.5} for bus in "12"],
+    )
+    none = Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
+    world = World.build(Microgrid.build(case, "copperplate"), none)
+    run = simulate(world, Rule(world, 0.7))
+    assert run.energy[:, -1, 0] == pytest.approx([2.8, 3.5])
 
 
 def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:

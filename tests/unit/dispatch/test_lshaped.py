@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -320,3 +321,5 @@ def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
     assert point is not None
     assert (low <= point + 1e-6).all()
     assert (point <= high + 1e-6).all()
+    for (low, _), (later, _) in pairwise(boxes):  # every cut is one bound more
+        assert (later >= low - 1e-9).all()

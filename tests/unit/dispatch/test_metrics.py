@@ -67,6 +67,14 @@ def test_adequacy_by_hand():
     )
 
 
+def test_a_member_that_sheds_for_one_slot_loses_load():
+    shed = SHED.copy()
+    shed[1, 2, 1] = 0.0  # a quarter of an hour is left of half an hour
+    found = metrics.adequacy(DEMAND, shed, DT_H, probability=np.array([0.5, 0.3, 0.2]))
+    assert found.lolp_members == pytest.approx(0.5)
+    assert found.lole_h == pytest.approx(0.3 * 0.25 + 0.2 * 0.5)
+
+
 def test_shares_of_members_that_demand_differently():
     """Two loads, two slots, two members: expected energies are divided, not shares averaged."""
     demand = np.array([[[2.0, 5.0], [3.0, 8.0]], [[0.5, 1.5], [0.7, 2.5]]])
@@ -203,6 +211,18 @@ def test_trapezoid_by_hand(name):
     names = ("phi_per_h", "lambda_share", "e_h", "pi_per_h", "area_h", "onset_h", "restored")
     assert [getattr(found, n)[0] for n in names] == pytest.approx(expected, nan_ok=True)
     assert found.dropped[0] == (name != "no drop")
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_what_is_normal_before_the_event_may_be_less_than_all(name):
+    """At 0.8 of every level falls and rises are 0.8 of what they are, and take as long."""
+    level, (phi, lost, e_h, pi, area_h, onset_h, restored) = CURVES[name]
+    found = trapezoid.trapezoid(0.8 * np.array(level, float)[:, None], 0.5, normal=0.8)
+    names = ("phi_per_h", "lambda_share", "pi_per_h", "area_h")
+    shrunk = [0.8 * value for value in (phi, lost, pi, area_h)]
+    assert [getattr(found, n)[0] for n in names] == pytest.approx(shrunk, nan_ok=True)
+    kept = [found.e_h[0], found.onset_h[0], found.restored[0]]
+    assert kept == pytest.approx([e_h, onset_h, restored], nan_ok=True)
 
 
 @settings(max_examples=50, deadline=None)

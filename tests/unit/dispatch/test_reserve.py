@@ -87,10 +87,10 @@ def mixed() -> Case:
         pv=[{"bus": "2", "p_max_mw": 2.0, "profile": "sun"}],
         generator=[{"bus": "2", "p_max_mw": 0.7, "cost_per_mwh": 5.0}],
         ess=[
-            {"bus": "2", "p_max_mw": 1.3, "e_mwh": 4.0, "efficiency_discharge": 0.9}
-            | {"soc_min": 0.2, "soc_max": 0.95},
-            {"bus": "2", "p_max_mw": 0.8, "e_mwh": 12.0, "efficiency_discharge": 0.5}
-            | {"soc_min": 0.1, "soc_max": 0.8},
+            {"bus": "2", "p_max_mw": 1.1, "p_min_mw": -1.3, "e_mwh": 4.0}
+            | {"efficiency_discharge": 0.9, "soc_min": 0.2, "soc_max": 0.95},
+            {"bus": "2", "p_max_mw": 0.6, "p_min_mw": -0.8, "e_mwh": 12.0}
+            | {"efficiency_discharge": 0.5, "soc_min": 0.1, "soc_max": 0.8},
         ],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
     )
@@ -113,6 +113,11 @@ def test_stores_of_one_bus_give_by_their_size() -> None:
     lack = found.lack(lambda name, at: case.profile(name)[at], 3, 5)
     np.testing.assert_allclose(
         found.level(lack, 2), [[2.0 + 0.5 * 2.9 / 0.6, 2.0 + 0.5 * 4.2 / 0.6, 5.5, 5.5]]
+    )
+    # A surplus of a slot is of no use in another.
+    np.testing.assert_allclose(
+        found.level(np.array([[-0.6, 0.8, 1.5, -0.4]]), 2),
+        [[2.0 + 0.5 * 0.8 / 0.6, 2.0 + 0.5 * 2.3 / 0.6, 2.0 + 0.5 * 1.5 / 0.6]],
     )
     # All that fits: 0.95 of 4 and 0.8 of 12 MWh.
     np.testing.assert_allclose(found.level(np.full((1, 30), 9.0), 29), [[13.4, 13.4]])

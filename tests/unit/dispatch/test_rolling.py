@@ -148,6 +148,28 @@ def test_a_tree_of_slots_and_blocks() -> None:
     assert tree.parent.tolist() == [-1, 0, 1, 0, 3, 0, 5]
 
 
+def test_devices_that_no_program_can_tell_apart_are_one() -> None:
+    """Loads of one price are one; blocks stay alone, as does another price."""
+    loads = [
+        {"name": name, "p_max_mw": p, "shed_cost_per_mwh": price, "block": block}
+        for name, p, price, block in (
+            ("a", 1.5, 7.0, False),
+            ("b", 0.5, 7.0, False),
+            ("c", 0.4, 9.0, False),
+            ("d", 0.3, 7.0, True),
+            ("e", 0.2, 7.0, True),
+        )
+    ]
+    grid = [{"import_max_mw": 4.0, "import_cost_per_mwh": 2.0}]
+    merged = merged_grid(small_case(load=loads, grid=grid)).microgrid.case
+    assert [(load.name, load.p_max_mw) for load in merged.devices["load"]] == [
+        ("a+b", pytest.approx(2.0)),
+        ("c", 0.4),
+        ("d", 0.3),
+        ("e", 0.2),
+    ]
+
+
 @pytest.fixture(scope="module")
 def world() -> World:
     case = rs.load_case("ieee33-tou").replace(outages=())

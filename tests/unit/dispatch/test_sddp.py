@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -204,6 +205,17 @@ def test_cuts_are_trained_once_and_kept(tmp_path: Path, monkeypatch: pytest.Monk
     np.testing.assert_array_equal(first.root.beta, again.root.beta)
     book(Settings(iterations=2)).cut_set(50, price)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_cuts_are_kept_unless_it_is_said_that_they_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(books, "cache_folder", lambda: tmp_path / "usual")
+    folders = [Book(village(), Bell(), **kept).folder for kept in KEPT]
+    assert folders == [tmp_path / "usual", None, Path("elsewhere")]
+
+
+KEPT: list[dict[str, Any]] = [{}, {"cache": False}, {"cache": Path("elsewhere")}]
 
 
 @pytest.mark.parametrize("damage", [b"", b"no archive", None])

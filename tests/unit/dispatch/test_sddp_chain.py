@@ -70,6 +70,18 @@ def test_a_certain_outage_of_one_slot_has_a_closed_form() -> None:
     np.testing.assert_allclose(at, np.tile([1.0 - chance[48], chance[48]], (2, 1)), atol=1e-12)
 
 
+def test_a_line_that_fails_once_is_back_for_good() -> None:
+    """Outages of one slot, one a day: whoever is down is back, whoever is up may still fail."""
+    bell = Bell(duration_slots=(1, 1), shift_slots=0)
+    chain = storm_chain(bell, 1, np.array([52]), PER_DAY)
+    chance = bell.slot_probability(52)
+    first = chance * np.cumprod(np.append(1.0, 1.0 - chance[:-1]))  # fails for the first time
+    for t in (49, 52, 55):
+        assert chain.down[t].ravel().tolist() == [False, True]
+        fails = first[t] / (1.0 - first[t - 1])
+        np.testing.assert_allclose(chain.transition[t], [[1.0 - fails, fails], [1.0, 0.0]])
+
+
 def test_one_random_number_for_all_makes_failures_coincide() -> None:
     apart = Bell(shift_slots=0)
     bell = replace(apart, common_draw=True)

@@ -9,6 +9,7 @@ import pytest
 
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
+from resilience.models.program.form import stage_form
 from resilience.models.program.unroll import unroll
 
 
@@ -106,6 +107,12 @@ def test_a_tree_that_is_none_is_refused(changes: dict[str, object]) -> None:
         tree(**changes)
 
 
+def test_a_stage_without_variables_is_a_program_without_costs() -> None:
+    problem = unroll([Stage(0.25)], Tree.chain(["now", "then"]))
+    assert stage_form(Stage(0.25)).n_columns == 0
+    assert problem.a.shape[0] == 0
+
+
 def test_several_roots_share_the_start() -> None:
     roots = tree(parent=np.array([-1, -1, -1]), probability=np.array([0.2, 0.3, 0.5]))
     assert roots.leaves.tolist() == [0, 1, 2]
@@ -128,3 +135,13 @@ def test_data_that_is_missing_or_no_number_is_called_by_its_name() -> None:
         problem.vectors({}, {})
     with pytest.raises(ValueError, match="cap"):
         problem.vectors({"cap": [np.nan]}, {})
+
+
+def test_a_cone_that_is_open_is_measured_by_what_flows() -> None:
+    """3 * 5 for 6^2, and 0.5 * 4 for 0.3^2 + 0.4^2: shares of 1 + the squares."""
+    stage = Stage(0.5)
+    u, v, p, q = (stage.var(name, ["a", "b"]) for name in "uvpq")
+    stage.cone("flow", u, v, p, q)
+    (cone,) = stage.structures
+    values = np.array([[3.0, 0.5], [5.0, 4.0], [6.0, 0.3], [0.0, 0.4]])
+    assert cone.violation(values, ()).tolist() == pytest.approx([21.0 / 37.0, 1.75 / 1.25])
