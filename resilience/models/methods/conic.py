@@ -118,18 +118,18 @@ def with_all_held(
     break modes that the relaxation keeps: where cones are open, losses use up what is too much, and
     where they are closed, a storage in two modes does. So each is held as soon as it is broken.
     """
-    standard, held = program.standard, vectors
+    standard, narrowed = program.standard, vectors
     solution = with_cones_closed(program, relaxed, vectors, seconds)
     while solution.z is not None:
-        one_mode = with_modes_held(program, solution, held)
-        if one_mode is not held:
-            held = one_mode
-            solution = relaxation(program, held, seconds=seconds())
+        one_mode = with_modes_held(program, solution, narrowed)
+        if one_mode is not narrowed:
+            narrowed = one_mode
+            solution = relaxation(program, narrowed, seconds=seconds())
             if solution.z is None:
                 break
-            solution = with_cones_closed(program, solution, held, seconds)
+            solution = with_cones_closed(program, solution, narrowed, seconds)
         elif worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
-            solution = ac_point(program, solution.point, held, seconds)
+            solution = ac_point(program, solution.point, narrowed, seconds)
         else:
             return solution
     return NOTHING
