@@ -1,4 +1,4 @@
-"""How Hypothesis and Ctrl-C behave in every test here.
+"""How Hypothesis and Ctrl-C behave in every test here, and which tests run when asked for only.
 
 A failure is told as it was found, not made smaller first: that took minutes, in which a test run
 may be ended before it says anything. `pytest --hypothesis-profile shrink TEST` makes it smaller.
@@ -6,6 +6,7 @@ may be ended before it says anything. `pytest --hypothesis-profile shrink TEST` 
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Generator
 from types import FrameType
@@ -21,6 +22,16 @@ settings.register_profile(
     print_blob=True,
 )
 settings.load_profile("told at once")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leaves out what is marked `exhaustive`, unless RESILIENCE_EXHAUSTIVE is set."""
+    if os.environ.get("RESILIENCE_EXHAUSTIVE"):
+        return
+    left_out = [item for item in items if item.get_closest_marker("exhaustive")]
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("exhaustive")]
 
 
 @pytest.hookimpl(wrapper=True)

@@ -53,9 +53,11 @@ SAMPLED = 7  # every seventh is run by default; no length of an axis above divid
 
 
 def sampled(cases: Sequence[tuple[str, ...]]) -> list[object]:
-    """All of them, those that are not in the sample marked slow."""
+    """All of them, those that are not in the sample marked exhaustive."""
     return [
-        pytest.param(*case, marks=() if k % SAMPLED == 3 else pytest.mark.slow, id="-".join(case))
+        pytest.param(
+            *case, marks=() if k % SAMPLED == 3 else pytest.mark.exhaustive, id="-".join(case)
+        )
         for k, case in enumerate(cases)
     ]
 

@@ -27,7 +27,7 @@ TWO_MODES_IN_AC = 108
 def seeds(few: int, *more: int) -> Iterable[object]:
     """A few in every run, the others with the slow tests."""
     others = [seed for seed in range(few, MORE) if seed not in more]
-    slow = [pytest.param(seed, marks=pytest.mark.slow) for seed in others]
+    slow = [pytest.param(seed, marks=pytest.mark.exhaustive) for seed in others]
     return [*range(few), *more, *slow]
 
 
