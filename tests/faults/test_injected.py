@@ -54,6 +54,7 @@ SAMPLED = 7  # every seventh is run by default; no length of an axis above divid
 
 def sampled(cases: Sequence[tuple[str, ...]]) -> list[object]:
     """All of them, those that are not in the sample marked exhaustive."""
+    whole = pytest.mark.exhaustive
     return [
         pytest.param(
             *case, marks=() if k % SAMPLED == 3 else pytest.mark.exhaustive, id="-".join(case)
