@@ -14,7 +14,7 @@ BOUND_TOLERANCE = 1e-6
 """By how much a proven bound may lie above an objective, relative to the objective or to the most
 that one quantity of the program can cost: solvers meet optimality to 1e-7 or 1e-8."""
 
-INTEGRALITY_TOLERANCE = 1e-5
+INTEGRALITY_TOLERANCE = 2e-6
 """Distance from a whole number, in units of an integer column, that is rounded off in a plan;
 HiGHS and SCIP leave up to 1e-6."""
 

@@ -34,6 +34,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
     outages: Sequence[str] = (),
     terminal_value_per_mwh: float = 0.0,
     voltage_band_pu: tuple[float, float] = (0.9, 1.1),
+    parallel_grids: bool = False,
     **devices: Sequence[DeviceKeys],
 ) -> Case:
     """A case with buses "1", "2", ... of 10 kV.
@@ -49,6 +50,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
         outages: as a case states them, `"1-2@14:00-17:30"`.
         terminal_value_per_mwh: credit for energy left at the end, $/MWh.
         voltage_band_pu: lowest and highest voltage, pu.
+        parallel_grids: whether several grid connections may feed one tree.
         devices: tables by kind (load=, pv=, ess=, generator=, grid=), at bus "1" unless they say
             otherwise, and called after their kind and number.
 
@@ -67,6 +69,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
         "network": {
             "v_min_pu": voltage_band_pu[0],
             "v_max_pu": voltage_band_pu[1],
+            "parallel_grids": parallel_grids,
             "bus": [{"name": str(k + 1), "vn_kv": 10.0} for k in range(buses)],
             "line": branches,
         },

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+PROGRESS = re.compile(r" *\d+\.\d s  ")
 
 COMMAND = Path(sys.executable).parent / "resilience"
 HEAVY = {"pandas", "pandapower", "pyomo", "casadi", "cvxpy", "torch", "matplotlib"}
@@ -70,7 +73,8 @@ def test_solve_prints_the_verdict_and_what_it_assumed(tiny: Path) -> None:
     assert "Shed: 2.000 MWh" in done.stdout
     assert "sources of its island are at their limits" in done.stdout
     assert "\x1b" not in done.stdout
-    assert done.stderr == ""
+    # A slow machine says how far it is; nothing else is to be said.
+    assert not [line for line in done.stderr.splitlines() if not PROGRESS.match(line)]
 
 
 def test_assumed_outages_are_printed_with_their_warning() -> None:

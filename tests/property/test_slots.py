@@ -77,6 +77,7 @@ def cases(draw: st.DrawFn) -> Case:
     return small_case(
         buses=buses,
         lines=[(i, j, 1e-6, 1e-6) for i, j in lines],
+        parallel_grids=True,
         line_tables=[
             {"name": f"{i}-{j}", "breakpoint": True}
             for (i, j), weak in zip(lines, weak, strict=True)
