@@ -52,3 +52,30 @@ def held_out(case: Case, days: int | None = None) -> Case:
         )
     first: datetime = times[(total - days) * per_day].astype("datetime64[s]").item()
     return case.replace(start=first, slots=days * per_day, outages=())
+
+
+def training(case: Case) -> Case:
+    """The case over all days of its profiles before those that `held_out` may keep for tests.
+
+    A case with a storm keeps its own horizon: what differs between training and test are the draws.
+
+    Raises:
+        UsageError: a case whose profiles have no day before the last quarter.
+    """
+    if case.storm is not None and case.storm.points:
+        return case.replace(outages=())
+    file = case.source.get("profiles", {}).get("file")
+    per_day = case.window.slots_per_day
+    times = None if file is None else read_profile_file(Path(file)).times
+    total = case.slots // per_day if times is None else len(times) // per_day
+    days = total - math.ceil(TEST_SHARE * total)
+    if days < 1:
+        raise UsageError(
+            f"case {case.name!r} has profiles of {total} days, and the last quarter is for tests; "
+            "allowed: a day or more before it",
+            hint="name a profile file in [profiles] with more days",
+        )
+    if times is None:
+        return case.replace(slots=days * per_day, outages=())
+    first: datetime = times[0].astype("datetime64[s]").item()
+    return case.replace(start=first, slots=days * per_day, outages=())

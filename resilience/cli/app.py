@@ -16,6 +16,7 @@ import typer
 from resilience.cli import options, terminal
 from resilience.cli.case import case_app
 from resilience.cli.storms import hazard, scenarios
+from resilience.cli.train import train
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -181,7 +182,7 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard):
+for _command in (scenarios, hazard, train):
     app.command()(_command)
 
 

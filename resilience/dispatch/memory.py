@@ -6,7 +6,7 @@ import numpy as np
 
 from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 
 
 class Memory:
@@ -15,7 +15,7 @@ class Memory:
     Its clock is the slot of the day where every day starts anew, else the slot of the horizon.
 
     Args:
-        world: where it is.
+        setting: where it is.
         daily: every day starts anew; otherwise the episode is one storm.
 
     Attributes:
@@ -27,17 +27,17 @@ class Memory:
         down: (scenarios, lines, slots) where lines were down; no slots where every day starts anew.
     """
 
-    def __init__(self, world: World, daily: bool = True) -> None:
-        case, self.daily = world.microgrid.case, daily
-        self.lines = [case.network.line(name) for name in world.scenarios.lines]
+    def __init__(self, setting: Setting, daily: bool = True) -> None:
+        case, self.daily = setting.case, daily
+        self.lines = [case.network.line(name) for name in setting.lines]
         self.window = case.window
-        shape = (len(self.lines), world.scenarios.n)
+        shape = (len(self.lines), setting.n)
         self.since = np.full(shape, -1)
         self.spent = np.zeros(shape, bool)
         self.failed = np.full(shape, -1)
         # Only the queue of a storm's crews needs to know who was back when.
         remembered = 0 if daily else case.slots
-        self.down = np.zeros((world.scenarios.n, len(self.lines), remembered), bool)
+        self.down = np.zeros((setting.n, len(self.lines), remembered), bool)
 
     def update(self, observation: Observation) -> None:
         """Takes notice of the line status of a slot; to be called once in each."""

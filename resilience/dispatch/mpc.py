@@ -83,7 +83,7 @@ class MPC:
         self.name, self.world, self.steps = "mpc", world, steps or WindowSteps()
         case = world.microgrid.case
         self.belief = belief or case_belief(case, world.scenarios.lines)
-        self.memory = Memory(world, self.belief.daily)
+        self.memory = Memory(world.setting, self.belief.daily)
         self.reserve = Reserve(Microgrid.build(case, "copperplate"), world.scenarios.lines)
         self.program = WindowProgram(merged_grid(case), self.steps, 1, self.reserve)
         self.value = stored_energy_value(case, world.end_value_per_mwh)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
 
 from resilience.errors import UsageError
 
@@ -16,6 +19,8 @@ if TYPE_CHECKING:
 Factory: TypeAlias = "Callable[[World], Dispatcher]"
 Futures = Literal["one", "many"]
 
+POLICY_FILE = "policy.safetensors"
+"""The file of a run in which its best policy is."""
 REFERENCE = "rule-0.9"
 """Always reported: a battery kept full is the method to beat."""
 
@@ -105,6 +110,60 @@ DISPATCHERS: dict[str, Factory] = {
 """What makes each dispatcher, by name; `register_dispatcher` adds to them."""
 
 
+LEARNED_LOADER = "resilience.rl.policy:load_policy"
+"""What makes a dispatcher from a world, the name of its algorithm and the folder of its run."""
+
+
+@dataclass(frozen=True)
+class LearnedEntry:
+    """A policy that `resilience train` has made, called `METHOD:RUN`.
+
+    Attributes:
+        method: name of the algorithm.
+        run: folder of the run.
+        digest: SHA-256 of its policy, so that a comparison never takes one for another.
+    """
+
+    method: str
+    run: str
+    digest: str
+    batched: ClassVar[bool] = True
+
+    def __call__(self, world: World) -> Dispatcher:
+        """A fresh dispatcher."""
+        module, _, name = LEARNED_LOADER.partition(":")
+        load = getattr(import_module(module), name)
+        made: Dispatcher = load(world.setting, self.method, Path(self.run))
+        return made
+
+
+def factory_of(name: str) -> Factory:
+    """What makes the dispatcher of a name.
+
+    Args:
+        name: a key of `DISPATCHERS`, or `METHOD:RUN` for a trained policy.
+
+    Raises:
+        UsageError: neither, or a run without a policy.
+    """
+    if name in DISPATCHERS:
+        return DISPATCHERS[name]
+    method, colon, run = name.partition(":")
+    if not colon:
+        raise UsageError(
+            f"dispatcher {name!r} is unknown; allowed: {', '.join(DISPATCHERS)}, or METHOD:RUN of a "
+            "trained policy",
+            hint="`clairvoyant` is the bound and always there",
+        )
+    path = Path(run) / POLICY_FILE
+    if not path.is_file():
+        raise UsageError(
+            f"{run} holds no trained policy ({POLICY_FILE})",
+            hint=f"resilience train CASE --method {method} --out {run}",
+        )
+    return LearnedEntry(method, run, hashlib.sha256(path.read_bytes()).hexdigest())
+
+
 def register_dispatcher(
     name: str,
     factory: Factory,
@@ -146,14 +205,3 @@ def names_planning_for(futures: Futures, names: Iterable[str]) -> list[str]:
         for name, factory in DISPATCHERS.items()
         if name in among and getattr(factory, "plans_for", None) == futures
     ]
-
-
-def check_names(names: Iterable[str]) -> None:
-    """Raises `UsageError` for names that no dispatcher has."""
-    unknown = [name for name in names if name not in DISPATCHERS]
-    if unknown:
-        raise UsageError(
-            f"dispatcher {', '.join(map(repr, unknown))} is unknown; "
-            f"allowed: {', '.join(DISPATCHERS)}",
-            hint="`clairvoyant` is the bound and always there",
-        )

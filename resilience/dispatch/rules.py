@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats, Ints
-from resilience.models.components import in_roles
+from resilience.arrays import Floats
+from resilience.dispatch.anchors import Actions, Anchors
 from resilience.simulation.observation import Observation
 from resilience.simulation.world import World
 
@@ -24,55 +24,22 @@ class Idle:
 class Greedy:
     """Serves what PV leaves of the demand of its island, and stores what PV has over.
 
-    Units of an island share in proportion to what each can give or take.
+    See `Actions.serve`.
 
     Args:
         world: where it acts.
-        generators_first: storage gives only what the generators of its island cannot (the order of
-            the paper's eqs. 20-21), which keeps it for later.
+        generators_first: storage gives only what generators leave, see `Actions.spare`.
     """
 
     def __init__(self, world: World, generators_first: bool = False) -> None:
-        self.name, self.world, self.generators_first = "greedy", world, generators_first
+        self.name, self.generators_first = "greedy", generators_first
+        self.anchors = Anchors(world.simulator)
 
     def act(self, observation: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
-        world, simulator = self.world, self.world.simulator
-        now = world.slot(observation.t, observation.energy)
-        low, high = simulator.limits(observation.energy, now.stacked)
-        fleets = world.microgrid.fleets.values()
-        net = np.zeros(observation.island.shape)
-        for fleet in in_roles(fleets, "load"):
-            np.add.at(net, fleet.bus, now.data[fleet.demand] - now.data[fleet.shed_min])
-        for fleet in in_roles(fleets, "weather"):
-            np.add.at(net, fleet.bus, -now.data[fleet.limit])
-        need = self._at_units(net, observation)
-        if self.generators_first:
-            output_max = np.zeros(observation.island.shape)
-            for fleet in in_roles(fleets, "dispatchable"):
-                np.add.at(output_max, fleet.bus, now.data[fleet.limit])
-            lack = np.maximum(need - self._at_units(output_max, observation), 0.0)
-            need = np.where(need > 0, lack, need)
-        discharge_max = self._over_units(-low, observation)
-        charge_max = self._over_units(high, observation)
-        share_out = np.minimum(np.maximum(need, 0.0) / np.maximum(discharge_max, 1e-12), 1.0)
-        share_in = np.minimum(np.maximum(-need, 0.0) / np.maximum(charge_max, 1e-12), 1.0)
-        return low * share_out + high * share_in
-
-    def _at_units(self, values: Floats, observation: Observation) -> Floats:
-        """(units, batch) the sum over the unit's island of values (buses, batch)."""
-        return self._summed(values, observation.island, observation)
-
-    def _over_units(self, values: Floats, observation: Observation) -> Floats:
-        """(units, batch) the sum over the units of the unit's island of values (units, batch)."""
-        islands = observation.island[self.world.simulator.storage_bus]
-        return self._summed(values, islands, observation)
-
-    def _summed(self, values: Floats, rows: Ints, observation: Observation) -> Floats:
-        bus, batch = self.world.simulator.storage_bus, np.arange(observation.island.shape[1])
-        total = np.zeros(observation.island.shape)
-        np.add.at(total, (rows, np.broadcast_to(batch, rows.shape)), values)
-        return total[observation.island[bus], batch]
+        actions = _actions(self.anchors, observation)
+        power: Floats = actions.spare if self.generators_first else actions.serve
+        return power
 
 
 class Rule:
@@ -85,24 +52,14 @@ class Rule:
     """
 
     def __init__(self, world: World, level: float | Floats = 0.5) -> None:
-        self.world, self.islanded = world, Greedy(world, generators_first=True)
+        self.anchors = Anchors(world.simulator, level)
         self.name = f"rule-{level:g}" if np.ndim(level) == 0 else "rule-levels"
-        size = np.array([unit.e_mwh for unit in world.microgrid.case.ess])
-        self.target = (size * level)[:, None]
 
     def act(self, observation: Observation) -> Floats:
         """Towards the level with a grid; what generators leave without."""
-        simulator = self.world.simulator
-        gap = self.target - observation.energy
-        hold = np.where(gap > 0, gap / simulator.gain, gap / simulator.drain)
-        return np.where(self._with_grid(observation), hold, self.islanded.act(observation))
+        power: Floats = _actions(self.anchors, observation).rule
+        return power
 
-    def _with_grid(self, observation: Observation) -> Bools:
-        """(units, batch) whether the unit's island holds a grid connection."""
-        microgrid = self.world.microgrid
-        islands = observation.island[self.world.simulator.storage_bus]
-        has_grid = np.zeros(islands.shape, bool)
-        for fleet in in_roles(microgrid.fleets.values(), "exchange"):
-            for bus in fleet.bus:
-                has_grid |= islands == observation.island[bus]
-        return has_grid
+
+def _actions(anchors: Anchors, observation: Observation) -> Actions:
+    return anchors.actions(observation.energy, observation.data, observation.island)

@@ -66,7 +66,7 @@ class Stochastic:
             belief = case_belief(world.microgrid.case, lines, bell=belief, seed=seed)
         self.belief: Belief = belief
         self.merged = merged_grid(world.microgrid.case)
-        self.memory = Memory(world, self.belief.daily)
+        self.memory = Memory(world.setting, self.belief.daily)
         self.value = stored_energy_value(world.microgrid.case, world.end_value_per_mwh)
         self.programs: dict[int, WindowProgram] = {}
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from resilience.case import Case, load_case
 from resilience.case.days import held_out
-from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, check_names
+from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
 from resilience.evaluation.comparison import BOUND
@@ -70,7 +70,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
 
     Args:
         case: a case, its file, or the name of an installed one.
-        methods: names from `DISPATCHERS`, or names with a function from a world to a dispatcher;
+        methods: names from `DISPATCHERS`, `METHOD:RUN` for a trained policy, or names with a function from a world to a dispatcher;
             rule 0.9 and the clairvoyant are always added.
         days: days of an episode, the last ones of the profiles, 16 if omitted. A case with a storm
             keeps its own horizon, on which the storm is laid.
@@ -196,8 +196,7 @@ def _makers(methods: Methods) -> dict[str, Factory]:
     if isinstance(methods, str):
         methods = [methods]
     names = [name for name in dict.fromkeys(methods) if name != BOUND]
-    check_names(names)
-    return {name: DISPATCHERS[name] for name in names}
+    return {name: factory_of(name) for name in names}
 
 
 def parse_error(text: ForecastError | str | None) -> ForecastError | None:

@@ -8,15 +8,12 @@ folder may be used for any comparison, and one with a further method does the re
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+import re
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-from pydantic import BaseModel
-
+from resilience.digest import digest_of, feed
 from resilience.dispatch.registry import DISPATCHERS, Factory
 from resilience.errors import CertificateError, UsageError
 from resilience.evaluation.comparison import check_bound
@@ -34,13 +31,6 @@ WITHOUT_EFFECT = {
     "description", "path", "source", "simulator", "probability", "seed", "process",
 }  # fmt: skip
 """Fields that no trajectory depends on."""
-
-
-class Digest(Protocol):
-    """A hash that bytes are fed into."""
-
-    def update(self, data: bytes, /) -> None:
-        """Takes in more bytes."""
 
 
 class Store:
@@ -78,10 +68,10 @@ class Store:
 
     def part_file(self, name: str, world: World, make: Factory | None) -> Path:
         """The file of a part, called after all that its numbers depend on."""
-        digest = hashlib.sha256()
-        _feed(digest, [code(), name, _facts(world), _maker(name, make)])
+        digest = digest_of([code(), name, _facts(world), _maker(name, make)], WITHOUT_EFFECT)
         first, last = world.index[[0, -1]]
-        return self.folder / f"{name}-{first}-{last}-{digest.hexdigest()[:24]}.npz"
+        slug = re.sub(r"[^\w.-]+", "_", name)
+        return self.folder / f"{slug}-{first}-{last}-{digest[:24]}.npz"
 
 
 def _check_proven(world: World, trajectory: Trajectory) -> None:
@@ -101,7 +91,7 @@ def code() -> str:
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode())
         digest.update(path.read_bytes())
-    _feed(digest, [version(name) for name in ("highspy", "numpy", "scipy")])
+    feed(digest, [version(name) for name in ("highspy", "numpy", "scipy")])
     return digest.hexdigest()
 
 
@@ -118,24 +108,3 @@ def _maker(name: str, make: Factory | None) -> bytes | None:
     import cloudpickle
 
     return cloudpickle.dumps(make)
-
-
-def _feed(digest: Digest, value: object) -> None:
-    """Takes a value into a digest, each kind with its own mark."""
-    digest.update(f"{type(value).__name__}:".encode())
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype} {value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, BaseModel):
-        digest.update(value.model_dump_json().encode())
-    elif is_dataclass(value):
-        _feed(digest, {f.name: getattr(value, f.name) for f in fields(value)})
-    elif isinstance(value, Mapping):
-        for key in sorted(value):
-            if key not in WITHOUT_EFFECT:
-                _feed(digest, [key, value[key]])
-    elif isinstance(value, list | tuple):
-        for item in value:
-            _feed(digest, item)
-    else:
-        digest.update(repr(value).encode())

@@ -51,6 +51,10 @@ class ForecastError:
                 hint="0 is the paper's, 0.97 is measured",
             )
 
+    def correlation_of(self, step_min: float) -> float:
+        """The correlation between a slot of this length, minutes, and the next."""
+        return float(self.correlation ** (step_min / REFERENCE_MIN))
+
     def errors(
         self,
         profiles: int,
@@ -71,7 +75,7 @@ class ForecastError:
             rng: a fresh one for draws that can be repeated.
             step_min: length of a slot, minutes; the correlation is scaled to it.
         """
-        rho = self.correlation ** (step_min / REFERENCE_MIN)
+        rho = self.correlation_of(step_min)
         errors = np.empty((profiles, slots, n))
         for k, stream in enumerate(rng.spawn(n)):
             errors[:, :, k] = stream.standard_normal((slots, profiles)).T
@@ -158,4 +162,4 @@ def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlo
     names = forecast_names(case)
     rng = np.random.default_rng(seed)
     errors = error.errors(len(names), case.slots, n, rng, case.step_min)
-    return Outlook(names, errors, error.correlation ** (case.step_min / REFERENCE_MIN))
+    return Outlook(names, errors, error.correlation_of(case.step_min))

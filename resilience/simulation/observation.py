@@ -25,6 +25,8 @@ class Observation:
             unknown.
         forecast: per-unit values of a profile by its name (None: constant 1) and slots from `t`
             on, (len(slots), batch): true now, expected later.
+        data: (n_data, batch) demand, weather, prices and limits of the slot as they are, stacked
+            as `Simulator.stacked` does.
     """
 
     t: int
@@ -33,6 +35,7 @@ class Observation:
     island: Ints
     centre: Ints
     forecast: Forecast
+    data: Floats
 
     def forecast_of(self, k: int) -> Forecast:
         """The forecast of scenario k alone, (len(slots),)."""

@@ -36,7 +36,9 @@ def simulate(
     ends = set(world.ends.tolist())
     for t in range(case.slots):
         slot, up = world.slot(t, energy), world.line_up[:, t]
-        observation = Observation(t, energy, up, slot.island, world.centre(t), world.forecast(t))
+        observation = Observation(
+            t, energy, up, slot.island, world.centre(t), world.forecast(t), slot.stacked
+        )
         began = time.perf_counter(), time.process_time()
         action = dispatcher.act(observation)
         seconds += time.perf_counter() - began[0]

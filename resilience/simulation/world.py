@@ -17,6 +17,7 @@ from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.simulation.forecast import Outlook
 from resilience.simulation.observation import Forecast
+from resilience.simulation.setting import Setting
 from resilience.simulation.slots import Slot, Slots, Stepper
 
 
@@ -91,6 +92,21 @@ class World:
             reset_daily,
         )
 
+    @cached_property
+    def setting(self) -> Setting:
+        """What dispatchers may know of it beforehand."""
+        return Setting(
+            microgrid=self.microgrid,
+            simulator=self.simulator,
+            lines=self.scenarios.lines,
+            numbers=self.index,
+            end_value_per_mwh=self.end_value_per_mwh,
+            known_centre=self.known_centre,
+            reset_daily=self.reset_daily,
+            error_correlation=None if self.outlook is None else self.outlook.correlation,
+            ends=self.ends,
+        )
+
     @property
     def index(self) -> Ints:
         """(scenarios,) number of every scenario in the whole comparison.
@@ -136,7 +152,8 @@ class World:
         return np.append(np.flatnonzero(np.diff(self.day)), last)
 
     def profile(self, name: str | None, slots: Ints) -> Floats:
-        """(len(slots), scenarios) what a profile really is."""
+        """(len(slots), scenarios) what a profile really is; the last slot goes on beyond the end."""
+        slots = np.minimum(slots, self.microgrid.case.slots - 1)
         values = self.microgrid.case.profile(name)[slots]
         if self.outlook is None:
             return np.broadcast_to(values[:, None], (len(values), self.scenarios.n))
@@ -148,7 +165,12 @@ class World:
         if outlook is None:
             return self.profile
         case = self.microgrid.case
-        return lambda name, slots: outlook.expected(name, case.profile(name)[slots], slots, now)
+
+        def expected(name: str | None, slots: Ints) -> Floats:
+            slots = np.minimum(slots, case.slots - 1)
+            return outlook.expected(name, case.profile(name)[slots], slots, now)
+
+        return expected
 
     def situation(self, t: int) -> Situation:
         """Slot t in every scenario: the scenarios are the nodes."""
@@ -178,8 +200,7 @@ class World:
 
     def start(self) -> Floats:
         """(units, scenarios) MWh stored at the start."""
-        energy = self.microgrid.start()["ess.energy"] if self.microgrid.case.ess else np.empty(0)
-        return np.repeat(energy[:, None], self.scenarios.n, axis=1)
+        return self.setting.start()
 
 
 def stepper(microgrid: Microgrid) -> Stepper:

@@ -50,7 +50,7 @@ class Sddp:
             )
         self.name, self.world = "sddp", world
         self.book = book or Book(case)
-        self.fleet, self.memory = self.book.fleet, Memory(world)
+        self.fleet, self.memory = self.book.fleet, Memory(world.setting)
         self.lines = [case.network.line(name) for name in self.book.lines]
         self.program = StageProgram(self.fleet.microgrid.stage(case.step_h))
         self.lookahead = Lookahead(self.book, paths) if paths else None

@@ -176,10 +176,14 @@ class Plant:
     def masked_action(
         self, ops: ArrayOps, energy: Array, action: Array, data: Array
     ) -> tuple[Array, Array]:
-        """(units, batch) charging and discharging power, MW: the action within `limits`."""
+        """(units, batch) charging and discharging power, MW: the action within `limits`.
+
+        Discharging is what the action asks for beyond charging, so that at zero the gradient is
+        that of charging alone, one of the two one-sided ones and not their sum.
+        """
         limits = [limit(ops, data) for limit in self.power_max]
         charge = ops.clipped(self._room(ops, energy), action, limits[0])
-        return charge, ops.clipped(self._stock(ops, energy), -action, limits[1])
+        return charge, ops.clipped(self._stock(ops, energy), charge - action, limits[1])
 
     def _room(self, ops: ArrayOps, energy: Array) -> Array:
         """(units, batch) charging power that fills the unit, MW."""

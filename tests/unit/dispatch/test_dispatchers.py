@@ -196,7 +196,7 @@ def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
     mpc = BlindMPC(world, slots=12, value_per_mwh=case.terminal_value_per_mwh)
     seen = Observation(
         0, world.microgrid.start()["ess.energy"][:, None], np.ones((37, 1), bool),
-        world.situation(0).island, np.array([-1]), world.forecast(0),
+        world.situation(0).island, np.array([-1]), world.forecast(0), world.slot(0).stacked,
     )  # fmt: skip
     mpc.act(seen)
     value = mpc.program.solver.model.info.objective

@@ -180,7 +180,8 @@ def seen(world: World, t: int) -> Observation:
     energy = np.repeat(world.microgrid.start()["ess.energy"][:, None], world.scenarios.n, axis=1)
     island = world.situation(t).island
     centre = np.full(world.scenarios.n, 48)
-    return Observation(t, energy, world.line_up[:, t], island, centre, world.forecast(t))
+    up, data = world.line_up[:, t], world.slot(t).stacked
+    return Observation(t, energy, up, island, centre, world.forecast(t), data)
 
 
 def test_devices_joined_dispatch_alike(world: World) -> None:
@@ -207,14 +208,16 @@ def test_devices_joined_dispatch_alike(world: World) -> None:
 
 
 def test_the_memory_of_outages_starts_anew_at_midnight(world: World) -> None:
-    memory = Memory(world)
+    memory = Memory(world.setting)
 
     def notice(t: int, failed: Ints) -> None:
         up = np.ones((37, 3), bool)
         up[memory.lines[1], failed] = False
         blank: Floats = np.zeros((5, 3))
         memory.update(
-            Observation(t, blank, up, blank.astype(np.intp), np.zeros(3, int), world.forecast(0))
+            Observation(
+                t, blank, up, blank.astype(np.intp), np.zeros(3, int), world.forecast(0), blank
+            )  # fmt: skip
         )
 
     notice(40, np.array([0]))
@@ -231,7 +234,7 @@ def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> 
     case = rs.load_case("ieee33-tou").replace(outages=())
     noon = case.replace(start=case.start.replace(hour=12))
     none = Scenarios(("1-2",), np.zeros((1, 96, 1), bool), np.ones(1))
-    memory = Memory(World.build(Microgrid.build(noon, "copperplate"), none))
+    memory = Memory(World.build(Microgrid.build(noon, "copperplate"), none).setting)
     assert [memory.clock(t) for t in (0, 47, 48)] == [48, 95, 0]
     assert [memory.day(t) for t in (0, 47, 48)] == [0, 0, 1]
 
@@ -257,7 +260,7 @@ def test_mpc_keeps_a_reserve_while_a_storm_may_come_and_sells_it_afterwards(worl
         now = seen(world, 72)
         mpc.memory.spent[:] = spent
         evening = Observation(72, now.energy, np.ones((37, 3), bool), now.island * 0,
-                              np.full(3, 72), now.forecast)  # fmt: skip
+                              np.full(3, 72), now.forecast, now.data)  # fmt: skip
         energies.append(mpc.act(evening).sum())
     assert energies[0] > energies[1] + 1.0
 

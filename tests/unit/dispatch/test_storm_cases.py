@@ -66,7 +66,7 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
 
 
 def test_a_storm_is_remembered_over_midnight(world: World) -> None:
-    memory = Memory(world, daily=False)
+    memory = Memory(world.setting, daily=False)
     down = np.ones((37, 2), bool)
     for t in (94, 95, 96, 97):
         down[memory.lines[3], 0] = t == 94

@@ -1,0 +1,118 @@
+"""The command `resilience train`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from resilience.cli import options, terminal
+from resilience.errors import UsageError
+from resilience.rl.algorithms.registry import ALGORITHMS
+
+METHODS = "; ".join(f"{name}: {entry.about}" for name, entry in ALGORITHMS.items())
+
+
+def train(
+    case: Annotated[
+        str, typer.Argument(help="Case file, or name of an installed case.")
+    ] = "ieee33",
+    method: Annotated[str, typer.Option(help=f"Algorithm. {METHODS}.")] = "apg",
+    out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
+    seeds: Annotated[str, typer.Option(help="Seeds with commas, a run each.")] = "0",
+    budget: Annotated[
+        str, typer.Option(help="CPU time per seed, as 120s or 10m; becomes iterations once.")
+    ] = "120s",
+    iterations: Annotated[
+        int | None, typer.Option(help="Iterations, in place of a budget.", min=1)
+    ] = None,
+    band: Annotated[
+        str | None, typer.Option(help="How outputs become MW: anchors or affine.")
+    ] = None,
+    baseline: Annotated[
+        str, typer.Option(help="Whose cost rewards are relative to: none, idle or rule.")
+    ] = "rule",
+    days: Annotated[int, typer.Option(help="Days of an episode.", min=1)] = 1,
+    forecast_error: options.ForecastErrors = "none",
+    unknown_centre: options.UnknownCentre = False,
+    patience: Annotated[
+        int, typer.Option(help="Stop after so many validations without gain; 0: never.", min=0)
+    ] = 0,
+    device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting of the algorithm, as batch=256.")
+    ] = None,
+    as_json: options.AsJson = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Train a learning dispatcher; `compare --methods METHOD:RUN` judges it."""
+    from resilience.rl.train import train as train_policies
+
+    with terminal.progress(verbose):
+        runs = train_policies(
+            case,
+            method,
+            out=out,
+            resume=resume,
+            seeds=[int(seed) for seed in _numbers(seeds)],
+            budget_s=_seconds(budget),
+            iterations=iterations,
+            band=band,
+            baseline=baseline,
+            days=days,
+            forecast_error=forecast_error,
+            known_centre=not unknown_centre,
+            patience=patience,
+            device=device,
+            **_settings(setting or []),
+        )
+    if as_json:
+        typer.echo(json.dumps([run.summary() for run in runs], indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.text.training import print_runs
+
+    print_runs(runs, Console())
+    terminal.print_written(("run", out))
+
+
+def _numbers(text: str) -> list[str]:
+    numbers = [part.strip() for part in text.split(",") if part.strip()]
+    if not all(number.isdigit() for number in numbers):
+        raise UsageError(
+            f"seeds {text!r}; allowed: whole numbers with commas", hint="--seeds 0,1,2"
+        )
+    return numbers
+
+
+def _seconds(text: str) -> float:
+    """Seconds from `120s`, `10m` or `120`."""
+    unit = {"s": 1.0, "m": 60.0, "h": 3600.0}.get(text[-1:], 0.0)
+    try:
+        seconds = float(text[:-1]) * unit if unit else float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0.0 < seconds < 1e6:
+        raise UsageError(
+            f"budget {text!r}; allowed: a time such as 120s or 10m", hint="--budget 120s"
+        )
+    return seconds
+
+
+def _settings(pairs: list[str]) -> dict[str, Any]:
+    """Settings from `name=value`, values as JSON where they are."""
+    settings: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not equals:
+            raise UsageError(f"--set {pair!r}; allowed: NAME=VALUE", hint="--set batch=256")
+        try:
+            value = json.loads(text)
+        except json.JSONDecodeError:
+            value = text
+        settings[name.strip()] = tuple(value) if isinstance(value, list) else value
+    return settings

@@ -1,0 +1,1 @@
+"""Learned dispatchers: one strategy among the others, on the same case, simulator and storms."""

@@ -1,0 +1,156 @@
+"""The training ground: a batch of episodes in torch, in lockstep, differentiable.
+
+An episode ends with its last slot, where it is cut short and not over: the energy left has its
+terminal value, and whoever bootstraps does so with that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+import torch
+
+from resilience.arrays import Floats
+from resilience.dispatch.anchors import Needs
+from resilience.errors import UsageError
+from resilience.models.simulator import Simulator
+from resilience.models.simulator.simulator import Step
+from resilience.rl.bands import AnchorBand, Band, BandName, band
+from resilience.rl.episodes import Episodes, EpisodeSampler
+from resilience.rl.observe import Observer
+
+Baseline = Literal["none", "idle", "rule"]
+BASELINES: tuple[Baseline, ...] = get_args(Baseline)
+
+
+@dataclass(frozen=True)
+class Tape:
+    """Everything of a batch that does not depend on what is done, on the device.
+
+    Attributes:
+        episodes: where it comes from.
+        data: (slots, n_data, batch) from `Simulator.stacked`.
+        island: (slots, buses, batch).
+        seen: (slots, batch, numbers) the observations without storage.
+        needs: what islands lack and have, slot by slot; empty where the band does not ask.
+    """
+
+    episodes: Episodes
+    data: torch.Tensor
+    island: torch.Tensor
+    seen: torch.Tensor
+    needs: list[Needs | None]
+
+    @property
+    def slots(self) -> int:
+        """Slots of an episode."""
+        return len(self.data)
+
+    @property
+    def n(self) -> int:
+        """Episodes in the batch."""
+        return int(self.data.shape[2])
+
+
+class BatchEnv:
+    """Episodes that are played slot by slot.
+
+    Args:
+        sampler: draws the episodes.
+        band_name: how outputs become MW.
+        baseline: whose cost is subtracted from that of a slot before it is a reward, so that
+            rewards tell what was decided from what the day costs anyway.
+        device: where tensors live.
+        dtype: their number type.
+
+    Raises:
+        UsageError: a microgrid whose step has no gradient.
+    """
+
+    def __init__(
+        self,
+        sampler: EpisodeSampler,
+        band_name: BandName = "anchors",
+        baseline: Baseline = "rule",
+        device: str = "cpu",
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
+        setting = sampler.setting
+        if not isinstance(setting.simulator, Simulator):
+            raise UsageError(
+                f"learners train at copperplate without line ratings, not {setting.microgrid.physics}",
+                hint="AC power flow certifies what they do afterwards",
+            )
+        if baseline not in BASELINES:
+            raise UsageError(
+                f"baseline {baseline!r} is unknown; allowed: {', '.join(BASELINES)}",
+                hint="rule is the default",
+            )
+        self.sampler = sampler
+        self.setting, self.simulator = setting, setting.simulator
+        self.band_name, self.baseline = band_name, baseline
+        self.band: Band = band(band_name, self.simulator)
+        self.device, self.dtype = torch.device(device), dtype
+        self._low = self.tensor(self.simulator.low)
+        self._range = self.tensor(np.maximum(self.simulator.high - self.simulator.low, 1e-9))
+
+    def tensor(self, values: Floats) -> torch.Tensor:
+        """Values on the device, of the number type."""
+        return torch.as_tensor(values, dtype=self.dtype, device=self.device)
+
+    @cached_property
+    def size(self) -> int:
+        """Numbers of an observation, storage included."""
+        return Observer(self.setting).size
+
+    @property
+    def units(self) -> int:
+        """Storage units, each with one output."""
+        return len(self.simulator.units)
+
+    def draw(self, n: int, number: int) -> Tape:
+        """Batch `number` of n episodes; it depends on nothing but the sampler and these."""
+        return self.tape(self.sampler.draw(n, number))
+
+    def tape(self, episodes: Episodes) -> Tape:
+        """A batch, ready to be played as often as one likes."""
+        observer = Observer(episodes.setting)
+        blank = np.zeros((self.units, episodes.n))
+        data, island, seen = [], [], []
+        for t in range(episodes.slots):
+            observation = episodes.observation(t, blank)
+            data.append(observation.data)
+            island.append(observation.island)
+            seen.append(observer.world(observation).T)
+        device_data = self.tensor(np.array(data))
+        islands = torch.as_tensor(np.array(island), device=self.device)
+        needs: list[Needs | None] = [None] * episodes.slots
+        if isinstance(self.band, AnchorBand):
+            anchors = self.band.anchors
+            needs = [anchors.needs(*now) for now in zip(device_data, islands, strict=True)]
+        return Tape(episodes, device_data, islands, self.tensor(np.array(seen)), needs)
+
+    def observe(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
+        """(batch, numbers) what is seen in slot t with this much stored, (units, batch) MWh."""
+        return torch.cat([((energy - self._low) / self._range).T, tape.seen[t]], 1)
+
+    def power(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
+        """(units, batch) MW that outputs (batch, units) in [-1, 1] ask for."""
+        return self.band.power(output.T, energy, tape.data[t], tape.island[t], tape.needs[t])
+
+    def step(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> Step:
+        """Slot t played with outputs (batch, units) in [-1, 1]."""
+        asked = self.power(tape, t, energy, output)
+        return self.simulator.step(energy, asked, tape.data[t], tape.island[t])
+
+    def credit(self, energy: torch.Tensor) -> torch.Tensor:
+        """(batch,) $ that the energy left at the end of an episode is worth."""
+        return self.setting.end_value_per_mwh * energy.sum(0)
+
+    def start(self, n: int) -> torch.Tensor:
+        """(units, n) MWh, as the case starts."""
+        one = self.tensor(self.setting.start()[:, :1])
+        return one.repeat(1, n)

@@ -1,0 +1,187 @@
+"""What a policy sees: blocks of numbers with a name, a unit and a scale, the same code in training
+and in acting.
+
+Storage comes first, since it alone depends on what the policy did; the rest, what the world does,
+can be worked out before an episode is played.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from resilience.arrays import Floats, Ints
+from resilience.dispatch.memory import Memory
+from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
+
+HOURS_EXACT = 2.0  # ahead in which every slot is seen; beyond, every hour
+HOURS_AHEAD = 12.0
+REFERENCE_H = 4.0  # a line's outage of this length is 1
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some numbers of an observation.
+
+    Attributes:
+        name: what they are, with their unit, as `net_demand_mw`.
+        labels: which element each is.
+        scale: (labels,) what they are divided by.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    scale: tuple[float, ...]
+
+
+class Observer:
+    """Makes the observations of a setting; one per batch, since it remembers line failures.
+
+    Args:
+        setting: where it is.
+
+    Attributes:
+        blocks: what an observation holds, in order.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting, case = setting, setting.case
+        self.daily = case.storm is None or not case.storm.points
+        self.memory = Memory(setting, self.daily)
+        self.ahead = _slots_ahead(case.step_h)
+        self._read_devices()
+        self._read_storage()
+        self.blocks = self._blocks()
+        scales = [block.scale for block in self.blocks[1:]]
+        self._scale = np.concatenate([np.array(scale) for scale in scales])[:, None]
+
+    def _read_devices(self) -> None:
+        """Which profiles are forecast, what one of each means in MW at every bus, and prices."""
+        fleets = self.setting.microgrid.fleets.values()
+        terms = [
+            (bus, name, mw)
+            for fleet in fleets
+            for bus, (name, mw) in zip(fleet.bus, fleet.expected(), strict=False)
+        ]
+        self.names = tuple(dict.fromkeys(name for _, name, _ in terms))
+        n = self.setting.simulator.n_buses
+        demand, supply = np.zeros((2, n, len(self.names)))
+        for bus, name, mw in terms:
+            (supply if mw > 0 else demand)[bus, self.names.index(name)] += abs(mw)
+        self._demand, self._supply = demand, supply
+        self._buses = np.flatnonzero(demand.sum(1) + supply.sum(1))
+        every = dict.fromkeys(name for fleet in fleets for name in fleet.profiles())
+        self.prices = tuple(n for n in every if n is not None and n not in self.names)
+
+    def _read_storage(self) -> None:
+        simulator = self.setting.simulator
+        self._low = simulator.low
+        self._range = np.maximum(simulator.high - simulator.low, 1e-9)
+
+    def _blocks(self) -> tuple[Block, ...]:
+        simulator, setting = self.setting.simulator, self.setting
+        buses = [setting.microgrid.network.bus_names[b] for b in self._buses]
+        size = np.maximum(self._demand.sum(1), self._supply.sum(1))[self._buses]
+        later = [f"+{k}" for k in self.ahead]
+        case = setting.case
+        price = [max(float(np.abs(case.profile(name)).max()), 1e-9) for name in self.prices]
+        lines = setting.lines
+        ones = (1.0,) * len(lines)
+        both = tuple(size.tolist())
+        return (
+            Block("soc_of_band", simulator.units, (1.0,) * len(simulator.units)),
+            Block("line_up", lines, ones),
+            Block("line_down_h", lines, (REFERENCE_H,) * len(lines)),
+            Block("line_failed_before", lines, ones),
+            Block("clock", ("sin", "cos", "horizon_left"), (1.0, 1.0, 1.0)),
+            Block("hazard_peak_h", ("known", "ahead"), (1.0, REFERENCE_H)),
+            Block("demand_mw", tuple(buses), both),
+            Block("weather_mw", tuple(buses), both),
+            Block(
+                "net_demand_mw",
+                tuple(f"{bus}{k}" for k in later for bus in buses),
+                both * len(later),
+            ),
+            Block(
+                "price_pu",
+                tuple(f"{name}{k}" for name in self.prices for k in later),
+                tuple(x for x in price for _ in later),
+            ),
+        )
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+        return sum(len(block.labels) for block in self.blocks)
+
+    @property
+    def schema(self) -> str:
+        """A digest of what an observation holds: a policy fits no other."""
+        text = json.dumps([(b.name, b.labels, b.scale) for b in self.blocks])
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def storage(self, energy: Floats) -> Floats:
+        """(units, batch) state of charge within its band, 0 to 1."""
+        return (energy - self._low) / self._range
+
+    def world(self, observation: Observation) -> Floats:
+        """(numbers but those of storage, batch) what is seen of the world; once in each slot."""
+        self.memory.update(observation)
+        t, batch = observation.t, observation.line_up.shape[1]
+        case = self.setting.case
+        up = observation.line_up[self.memory.lines]
+        clock = self.memory.clock(t)
+        down_h = np.where(up, 0.0, clock - self.memory.since + 1) * case.step_h
+        slots = t + self.ahead
+        profiles = [observation.forecast(name, slots) for name in self.names]
+        demand, supply = (
+            _weighted(matrix[self._buses], profiles) for matrix in (self._demand, self._supply)
+        )
+        price = [observation.forecast(name, slots) for name in self.prices]
+        parts = [
+            up,
+            down_h,
+            self.memory.spent,
+            np.repeat(self._clock(t)[:, None], batch, axis=1),
+            self._centre(t, observation.centre),
+            demand[:, 0],
+            supply[:, 0],
+            (demand - supply).swapaxes(0, 1).reshape(-1, batch),
+            *price,
+        ]
+        world: Floats = np.concatenate(parts) / self._scale
+        return world
+
+    def _clock(self, t: int) -> Floats:
+        case = self.setting.case
+        angle = 2.0 * np.pi * case.window.slot_of_day(t) / case.window.slots_per_day
+        left = 0.0 if self.daily else 1.0 - t / case.slots
+        return np.array([np.sin(angle), np.cos(angle), left])
+
+    def _centre(self, t: int, centre: Ints) -> Floats:
+        """(2, batch) whether the peak is known, and hours until it."""
+        known = centre >= 0
+        hours = centre * 0.25 - self.setting.case.window.slot_of_day(t) * self.setting.case.step_h
+        return np.stack([known * 1.0, np.where(known, hours, 0.0)])
+
+
+def _weighted(matrix: Floats, profiles: list[Floats]) -> Floats:
+    """(rows, slots, batch) sums of profiles (slots, batch), term by term: the bits of a product
+    would depend on the size of the batch.
+    """
+    total = np.zeros((len(matrix), *profiles[0].shape))
+    for column, values in zip(matrix.T, profiles, strict=True):
+        rows = np.flatnonzero(column)
+        total[rows] += column[rows, None, None] * values
+    return total
+
+
+def _slots_ahead(step_h: float) -> Ints:
+    """Slots from now that are seen: every one for two hours, then one an hour."""
+    near = np.arange(max(round(HOURS_EXACT / step_h), 1))
+    hours = np.arange(HOURS_EXACT, HOURS_AHEAD)
+    return np.unique(np.concatenate([near, np.round(hours / step_h).astype(np.intp)]))

@@ -1,0 +1,76 @@
+"""A trained network as a dispatcher: it sees what every dispatcher sees, and answers in MW."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from resilience.arrays import Floats
+from resilience.dispatch.registry import POLICY_FILE
+from resilience.errors import UsageError
+from resilience.rl.bands import band
+from resilience.rl.checkpoint import check_fits, load
+from resilience.rl.nets import network
+from resilience.rl.observe import Observer
+from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
+
+
+class Policy:
+    """Acts for a batch of scenarios in one setting.
+
+    Args:
+        name: in reports.
+        setting: where it acts.
+        actor: from observations (batch, numbers) to outputs (batch, units) in [-1, 1].
+        band_name: how outputs become MW.
+    """
+
+    batched = True
+
+    def __init__(self, name: str, setting: Setting, actor: nn.Module, band_name: str) -> None:
+        self.name, self.actor = name, actor
+        self.observer = Observer(setting)
+        self.band = band(band_name, setting.simulator)
+
+    def act(self, observation: Observation) -> Floats:
+        """(units, batch) MW."""
+        storage = self.observer.storage(observation.energy)
+        seen = np.concatenate([storage, self.observer.world(observation)]).T
+        with torch.no_grad():
+            output = self.actor(torch.as_tensor(seen, dtype=torch.float32))
+        power: Floats = self.band.power(
+            output.numpy().T.astype(float),
+            observation.energy,
+            observation.data,
+            observation.island,
+        )
+        return power
+
+
+def load_policy(setting: Setting, method: str, run: Path) -> Policy:
+    """The best policy of a run, in a setting.
+
+    Args:
+        setting: where it is to act.
+        method: name of the algorithm, as it was trained.
+        run: the folder that `resilience train --out` wrote.
+
+    Raises:
+        UsageError: no policy, a torn one, another algorithm's, or one of another case.
+    """
+    path = run / POLICY_FILE
+    weights, header = load(path)
+    if header.method != method:
+        raise UsageError(
+            f"{path} was trained by {header.method}, not {method}",
+            hint=f"call it {header.method}:{run}",
+        )
+    observer = Observer(setting)
+    check_fits(path, header, setting.case, observer.schema)
+    actor = network(header.network, observer.size, len(setting.simulator.units))
+    actor.load_state_dict(weights)
+    return Policy(f"{method}:{run}", setting, actor, header.config["band"])

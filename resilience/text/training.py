@@ -1,0 +1,48 @@
+"""Trainings as text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.console import Console
+
+    from resilience.rl.run import Run
+
+
+def print_runs(runs: Sequence[Run], console: Console) -> None:
+    """A line per run, and how they do together."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    first = runs[0]
+    console.print(
+        f"{escape(first.case.name)}: {first.training.options.method}, "
+        f"{first.training.iterations} iterations, judged on "
+        f"{first.training.validation_days:g} validation days that nothing was learned on"
+    )
+    table = Table(box=None, padding=(0, 2), pad_edge=False)
+    for name in ("seed", "CPU s", "best $/day", "over the bound", "ended"):
+        table.add_column(name, justify="left" if name == "ended" else "right")
+    for run in runs:
+        best = run.best
+        table.add_row(
+            str(run.training.options.seed),
+            f"{run.training.cpu_s:.1f}",
+            f"{best.cost_per_day:.3f}",
+            f"{100 * best.gap:.2f} %",
+            escape(run.ended),
+        )
+    console.print(table)
+    if len(runs) > 1:
+        gaps = [100 * run.best.gap for run in runs]
+        console.print(f"median {np.median(gaps):.2f} %, worst {max(gaps):.2f} % over the bound")
+    if first.folder is not None:
+        console.print(
+            "judge it on the test days: resilience compare "
+            f"{escape(first.case.name)} --methods rule,mpc,{first.name}"
+        )
