@@ -151,8 +151,8 @@ def factory_of(name: str) -> Factory:
     method, colon, run = name.partition(":")
     if not colon:
         raise UsageError(
-            f"dispatcher {name!r} is unknown; allowed: {', '.join(DISPATCHERS)}, or METHOD:RUN of a "
-            "trained policy",
+            f"dispatcher {name!r} is unknown; allowed: {', '.join(DISPATCHERS)}, or "
+            "METHOD:RUN of a trained policy",
             hint="`clairvoyant` is the bound and always there",
         )
     path = Path(run) / POLICY_FILE

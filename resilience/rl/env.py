@@ -18,7 +18,7 @@ from resilience.dispatch.anchors import Needs
 from resilience.errors import UsageError
 from resilience.models.simulator import Simulator
 from resilience.models.simulator.simulator import Step
-from resilience.rl.bands import AnchorBand, Band, BandName, band
+from resilience.rl.bands import AnchorBand, Band, band
 from resilience.rl.episodes import Episodes, EpisodeSampler
 from resilience.rl.observe import Observer
 
@@ -73,15 +73,16 @@ class BatchEnv:
     def __init__(
         self,
         sampler: EpisodeSampler,
-        band_name: BandName = "anchors",
-        baseline: Baseline = "rule",
+        band_name: str = "anchors",
+        baseline: str = "rule",
         device: str = "cpu",
         dtype: torch.dtype = torch.float32,
     ) -> None:
         setting = sampler.setting
         if not isinstance(setting.simulator, Simulator):
             raise UsageError(
-                f"learners train at copperplate without line ratings, not {setting.microgrid.physics}",
+                "learners train at copperplate without line ratings, not "
+                f"{setting.microgrid.physics}",
                 hint="AC power flow certifies what they do afterwards",
             )
         if baseline not in BASELINES:

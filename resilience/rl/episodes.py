@@ -85,7 +85,7 @@ class Episodes:
         return centre[day]
 
     def _expected(self, name: str | None, slots: Ints) -> Floats:
-        """(len(slots), batch) what was forecast the day before; the last day's last slot goes on."""
+        """(len(slots), batch) what was forecast the day before; after the last day, its end."""
         values = self.values[name]
         return values[np.minimum(self.first + slots[:, None], len(values) - 1)]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -23,7 +24,7 @@ def mlp(
         last_scale: what the weights of the last layer are multiplied by.
     """
     layers: list[nn.Module] = []
-    for k, (fan_in, fan_out) in enumerate(zip(sizes, sizes[1:], strict=False)):
+    for k, (fan_in, fan_out) in enumerate(pairwise(sizes)):
         is_last = k == len(sizes) - 2
         layers.append(linear(fan_in, fan_out, generator, last_scale if is_last else 1.0))
         if not is_last:

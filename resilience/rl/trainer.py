@@ -163,8 +163,8 @@ class Training:
             self.first_loss = max(abs(loss), 1.0)
         if not math.isfinite(loss) or abs(loss) > EXPLODED * (self.first_loss or 1.0):
             raise SolverError(
-                f"training of {self.options.method} stopped at iteration {self.iteration}: its loss "
-                f"is {loss:g}",
+                f"training of {self.options.method} stopped at iteration {self.iteration}: its "
+                f"loss is {loss:g}",
                 hint="the best policy so far is kept; lower the learning rate",
             )
 
@@ -187,7 +187,7 @@ class Training:
     def _row(self, log: dict[str, float]) -> Row:
         world, bound = self.validation
         trajectory = simulate(world, self.policy(world))
-        cost = trajectory.cost.sum(0) - world.end_value_per_mwh * trajectory.left_mwh
+        cost = trajectory.objective(world.end_value_per_mwh)
         per_day = world.scenarios.probability @ cost / self.validation_days
         proven = world.scenarios.probability @ bound / self.validation_days
         more = {name: value for name, value in log.items() if name != "loss"}

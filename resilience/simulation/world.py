@@ -152,7 +152,7 @@ class World:
         return np.append(np.flatnonzero(np.diff(self.day)), last)
 
     def profile(self, name: str | None, slots: Ints) -> Floats:
-        """(len(slots), scenarios) what a profile really is; the last slot goes on beyond the end."""
+        """(len(slots), scenarios) what a profile really is; beyond the end its last slot."""
         slots = np.minimum(slots, self.microgrid.case.slots - 1)
         values = self.microgrid.case.profile(name)[slots]
         if self.outlook is None:

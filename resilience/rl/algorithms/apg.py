@@ -74,7 +74,7 @@ class Apg:
         cost, end = self._play(tape, start)
         self.optimiser.zero_grad()
         loss = cost.mean()
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         norm = torch.nn.utils.clip_grad_norm_(self.actor.parameters(), self.settings.clip_norm)
         self.optimiser.step()
         self.averaged.update(self.actor, progress.iteration)
