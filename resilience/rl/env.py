@@ -14,9 +14,10 @@ import numpy as np
 import torch
 
 from resilience.arrays import Floats
-from resilience.dispatch.anchors import Needs
+from resilience.dispatch.anchors import Anchors, Needs
 from resilience.errors import UsageError
 from resilience.models.simulator import Simulator
+from resilience.models.simulator.arrays import array_ops
 from resilience.models.simulator.simulator import Step
 from resilience.rl.bands import AnchorBand, Band, band
 from resilience.rl.episodes import Episodes, EpisodeSampler
@@ -95,6 +96,7 @@ class BatchEnv:
         self.band_name, self.baseline = band_name, baseline
         self.band: Band = band(band_name, self.simulator)
         self.device, self.dtype = torch.device(device), dtype
+        self._anchors = Anchors(self.simulator)
         self._low = self.tensor(self.simulator.low)
         self._range = self.tensor(np.maximum(self.simulator.high - self.simulator.low, 1e-9))
 
@@ -144,12 +146,69 @@ class BatchEnv:
 
     def step(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> Step:
         """Slot t played with outputs (batch, units) in [-1, 1]."""
-        asked = self.power(tape, t, energy, output)
-        return self.simulator.step(energy, asked, tape.data[t], tape.island[t])
+        return self._step(tape, t, energy, self.power(tape, t, energy, output))
+
+    def _step(self, tape: Tape, t: int, energy: torch.Tensor, power: torch.Tensor) -> Step:
+        return self.simulator.step(energy, power, tape.data[t], tape.island[t])
+
+    def _baseline_power(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
+        """(units, batch) MW that the baseline asks for."""
+        if self.baseline == "idle":
+            return torch.zeros_like(energy)
+        data, island, needs = tape.data[t], tape.island[t], tape.needs[t]
+        power: torch.Tensor = self._anchors.actions(energy, data, island, needs).rule
+        return power
+
+    def _wear(self, tape: Tape, t: int, step: Step) -> torch.Tensor:
+        """(units, batch) $ of wear of each unit."""
+        ops, data = array_ops(step.energy), tape.data[t]
+        charging, discharging = (price(ops, data) for price in self.simulator.storage_price)
+        wear: torch.Tensor = charging * step.charge + discharging * step.discharge
+        return wear
 
     def credit(self, energy: torch.Tensor) -> torch.Tensor:
         """(batch,) $ that the energy left at the end of an episode is worth."""
         return self.setting.end_value_per_mwh * energy.sum(0)
+
+    def is_last(self, tape: Tape, t: int) -> bool:
+        """Whether the episode is truncated after slot t; it never terminates."""
+        return t == tape.slots - 1
+
+    def cost(self, tape: Tape, t: int, step: Step) -> torch.Tensor:
+        """(batch,) $ of slot t, in the last one less what the energy left is worth."""
+        cost: torch.Tensor = step.cost
+        return cost - self.credit(step.energy) if self.is_last(tape, t) else cost
+
+    def baseline_cost(self, tape: Tape, start: torch.Tensor) -> torch.Tensor:
+        """(slots, batch) $ that the baseline's slots cost, from the same start, (units, batch) MWh.
+
+        No action has a part in it, so it is worked out once per tape and start.
+        """
+        if self.baseline == "none":
+            return torch.zeros((tape.slots, tape.n), dtype=self.dtype, device=self.device)
+        energy, costs = start, []
+        with torch.no_grad():
+            for t in range(tape.slots):
+                step = self._step(tape, t, energy, self._baseline_power(tape, t, energy))
+                costs.append(self.cost(tape, t, step))
+                energy = step.energy
+        return torch.stack(costs)
+
+    def reward(self, tape: Tape, t: int, step: Step, baseline_cost: torch.Tensor) -> torch.Tensor:
+        """(batch,) $ saved in slot t against the baseline, `baseline_cost` (slots, batch)."""
+        return baseline_cost[t] - self.cost(tape, t, step)
+
+    def agent_rewards(
+        self, tape: Tape, t: int, step: Step, baseline_cost: torch.Tensor
+    ) -> torch.Tensor:
+        """(units, batch) $: the paper's rewards, in which an agent pays for the system and the wear
+        of its own unit alone; likewise it has the worth of what its own unit is left with.
+        """
+        wear = self._wear(tape, t, step)
+        cost = step.cost - wear.sum(0) + wear
+        if self.is_last(tape, t):
+            cost = cost - self.setting.end_value_per_mwh * step.energy
+        return baseline_cost[t] - cost
 
     def start(self, n: int) -> torch.Tensor:
         """(units, n) MWh, as the case starts."""
