@@ -46,7 +46,7 @@ def _run(case_name: str, method: str) -> Trajectory:
     case = held_out(load_case(case_name), DAYS)
     storms = sample_bell(case, case_bell(case), 1, 0)
     world = World.build(Microgrid.build(case, "copperplate"), storms)
-    return simulate(world, DISPATCHERS[method](world))
+    return simulate(world, DISPATCHERS[method](world.setting))
 
 
 def quality() -> Iterator[Row]:

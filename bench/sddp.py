@@ -37,7 +37,7 @@ def training() -> Iterator[Row]:
     note = f"bound {bound:.2f} $, {SIMULATED} simulated days {costs.mean():.2f} ± {error:.2f} $"
     yield below(f"sddp, one storm centre of {CASE}", seconds, MAX_BUILD_S, "s", note)
     for paths, name in ((0, "cuts alone"), (PATHS, f"{PATHS} paths and cuts")):
-        trajectory = simulate(world, Sddp(world, book, paths=paths))
+        trajectory = simulate(world, Sddp(world.setting, book, paths=paths))
         decision_ms = 1e3 * trajectory.seconds / trajectory.cost.size
         measured = f"{decision_ms:.3g} ms"
         yield Row(f"sddp, a decision, {name}", measured, "", None, f"{DRAWS} at a time")

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from resilience.simulation.forecast import ForecastError, sample_profiles
     from resilience.simulation.observation import Dispatcher, Observation
     from resilience.simulation.replay import replay
+    from resilience.simulation.setting import Setting
     from resilience.simulation.trajectory import Trajectory
     from resilience.simulation.world import World
 
@@ -74,6 +75,7 @@ __all__ = [
     "ResilienceError",
     "ScenarioPlan",
     "Scenarios",
+    "Setting",
     "SolverError",
     "Trajectory",
     "UsageError",

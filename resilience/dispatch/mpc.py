@@ -13,7 +13,7 @@ from resilience.dispatch.window_program import WindowProgram, WindowRequest, Win
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 
 PAPER_SLOTS = 8
 
@@ -24,7 +24,7 @@ class BlindMPC:
     It is blind to outages to come and to the end of one that has begun, and drains the storage.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         slots: length of the window.
         value_per_mwh: what energy left at the end of the window is worth, $/MWh.
 
@@ -33,10 +33,12 @@ class BlindMPC:
         value: (units,) $ per MWh left at the end of the window.
     """
 
-    def __init__(self, world: World, slots: int = PAPER_SLOTS, value_per_mwh: float = 0.0) -> None:
-        self.name, self.world = "mpc-blind", world
-        self.program = WindowProgram(merged_grid(world.microgrid.case), WindowSteps(slots, 0), 1)
-        self.value = np.full(len(world.microgrid.case.ess), value_per_mwh)
+    def __init__(
+        self, setting: Setting, slots: int = PAPER_SLOTS, value_per_mwh: float = 0.0
+    ) -> None:
+        self.name = "mpc-blind"
+        self.program = WindowProgram(merged_grid(setting.case), WindowSteps(slots, 0), 1)
+        self.value = np.full(len(setting.case.ess), value_per_mwh)
 
     def act(self, observation: Observation) -> Floats:
         """The first slot of each scenario's window: (units, batch) charging power, MW."""
@@ -64,7 +66,7 @@ class MPC:
     only. It remembers since when lines are down, and which have failed, in every scenario.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         belief: in outages to come; the case's own if omitted.
         steps: of the window.
 
@@ -78,15 +80,15 @@ class MPC:
     """
 
     def __init__(
-        self, world: World, belief: Belief | None = None, steps: WindowSteps | None = None
+        self, setting: Setting, belief: Belief | None = None, steps: WindowSteps | None = None
     ) -> None:
-        self.name, self.world, self.steps = "mpc", world, steps or WindowSteps()
-        case = world.microgrid.case
-        self.belief = belief or case_belief(case, world.scenarios.lines)
-        self.memory = Memory(world.setting, self.belief.daily)
-        self.reserve = Reserve(Microgrid.build(case, "copperplate"), world.scenarios.lines)
+        self.name, self.setting, self.steps = "mpc", setting, steps or WindowSteps()
+        case = setting.case
+        self.belief = belief or case_belief(case, setting.lines)
+        self.memory = Memory(setting, self.belief.daily)
+        self.reserve = Reserve(Microgrid.build(case, "copperplate"), setting.lines)
         self.program = WindowProgram(merged_grid(case), self.steps, 1, self.reserve)
-        self.value = stored_energy_value(case, world.end_value_per_mwh)
+        self.value = stored_energy_value(case, setting.end_value_per_mwh)
         self.price = reserve_price(case)
         self.longest = self.belief.longest_slots
 
@@ -106,7 +108,7 @@ class MPC:
         remaining = self.belief.expected_left(history)
         for line, slots in zip(self.memory.lines, remaining, strict=True):
             up[line, 1 : 1 + slots] = False
-        end = min(observation.t + steps.horizon, self.world.microgrid.case.slots)
+        end = min(observation.t + steps.horizon, self.setting.case.slots)
         return WindowRequest(
             observation.t,
             observation.energy[:, k],

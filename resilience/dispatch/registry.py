@@ -14,9 +14,9 @@ from resilience.errors import UsageError
 
 if TYPE_CHECKING:
     from resilience.simulation.observation import Dispatcher
-    from resilience.simulation.world import World
+    from resilience.simulation.setting import Setting
 
-Factory: TypeAlias = "Callable[[World], Dispatcher]"
+Factory: TypeAlias = "Callable[[Setting], Dispatcher]"
 Futures = Literal["one", "many"]
 
 POLICY_FILE = "policy.safetensors"
@@ -27,7 +27,7 @@ REFERENCE = "rule-0.9"
 
 @dataclass(frozen=True)
 class DispatcherEntry:
-    """How a dispatcher is made from the world that it acts in, and what is known of it before.
+    """How a dispatcher is made from the setting that it acts in, and what is known of it before.
 
     Attributes:
         make: imports the dispatcher's code and makes one.
@@ -41,59 +41,59 @@ class DispatcherEntry:
     batched: bool = False
     plans_for: Futures | None = None
 
-    def __call__(self, world: World) -> Dispatcher:
+    def __call__(self, setting: Setting) -> Dispatcher:
         """A fresh dispatcher."""
-        return self.make(world)
+        return self.make(setting)
 
 
-def _idle(world: World) -> Dispatcher:
+def _idle(setting: Setting) -> Dispatcher:
     from resilience.dispatch.rules import Idle
 
-    return Idle(world)
+    return Idle(setting)
 
 
-def _greedy(world: World) -> Dispatcher:
+def _greedy(setting: Setting) -> Dispatcher:
     from resilience.dispatch.rules import Greedy
 
-    return Greedy(world)
+    return Greedy(setting)
 
 
-def _rule(world: World, level: float) -> Dispatcher:
+def _rule(setting: Setting, level: float) -> Dispatcher:
     from resilience.dispatch.rules import Rule
 
-    return Rule(world, level)
+    return Rule(setting, level)
 
 
-def _mpc_blind(world: World) -> Dispatcher:
+def _mpc_blind(setting: Setting) -> Dispatcher:
     from resilience.dispatch.mpc import BlindMPC
 
-    return BlindMPC(world)
+    return BlindMPC(setting)
 
 
-def _mpc(world: World) -> Dispatcher:
+def _mpc(setting: Setting) -> Dispatcher:
     from resilience.dispatch.mpc import MPC
 
-    return MPC(world)
+    return MPC(setting)
 
 
-def _stochastic(world: World) -> Dispatcher:
+def _stochastic(setting: Setting) -> Dispatcher:
     from resilience.dispatch.stochastic import Stochastic
 
-    return Stochastic(world)
+    return Stochastic(setting)
 
 
-def _stochastic_cvar(world: World) -> Dispatcher:
+def _stochastic_cvar(setting: Setting) -> Dispatcher:
     """For half the mean and half the mean of the worst 5 % of the paths."""
     from resilience.dispatch.stochastic import Stochastic
     from resilience.models.program.risk import Risk
 
-    return Stochastic(world, risk=Risk(alpha=0.95, weight=0.5))
+    return Stochastic(setting, risk=Risk(alpha=0.95, weight=0.5))
 
 
-def _sddp(world: World) -> Dispatcher:
+def _sddp(setting: Setting) -> Dispatcher:
     from resilience.dispatch.sddp.policy import Sddp
 
-    return Sddp(world)
+    return Sddp(setting)
 
 
 DISPATCHERS: dict[str, Factory] = {
@@ -111,7 +111,7 @@ DISPATCHERS: dict[str, Factory] = {
 
 
 LEARNED_LOADER = "resilience.rl.policy:load_policy"
-"""What makes a dispatcher from a world, the name of its algorithm and the folder of its run."""
+"""What makes a dispatcher from a setting, the name of its algorithm and the folder of its run."""
 
 
 @dataclass(frozen=True)
@@ -129,11 +129,11 @@ class LearnedEntry:
     digest: str
     batched: ClassVar[bool] = True
 
-    def __call__(self, world: World) -> Dispatcher:
+    def __call__(self, setting: Setting) -> Dispatcher:
         """A fresh dispatcher."""
         module, _, name = LEARNED_LOADER.partition(":")
         load = getattr(import_module(module), name)
-        made: Dispatcher = load(world.setting, self.method, Path(self.run))
+        made: Dispatcher = load(setting, self.method, Path(self.run))
         return made
 
 
@@ -175,7 +175,7 @@ def register_dispatcher(
 
     Args:
         name: how users call it.
-        factory: makes it from the world that it acts in; imports there what is slow to import.
+        factory: makes it from the setting that it acts in; imports there what is slow to import.
         batched: see `DispatcherEntry`; as the factory itself says if omitted.
         plans_for: likewise; None: it does not plan for a mean.
 

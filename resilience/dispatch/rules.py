@@ -7,13 +7,13 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.dispatch.anchors import Actions, Anchors
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 
 
 class Idle:
     """Never moves the storage."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, setting: Setting) -> None:
         self.name = "idle"
 
     def act(self, observation: Observation) -> Floats:
@@ -27,13 +27,13 @@ class Greedy:
     See `Actions.serve`.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         generators_first: storage gives only what generators leave, see `Actions.spare`.
     """
 
-    def __init__(self, world: World, generators_first: bool = False) -> None:
+    def __init__(self, setting: Setting, generators_first: bool = False) -> None:
         self.name, self.generators_first = "greedy", generators_first
-        self.anchors = Anchors(world.simulator)
+        self.anchors = Anchors(setting.simulator)
 
     def act(self, observation: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
@@ -47,12 +47,12 @@ class Rule:
     generators and PV cannot. The paper's rule has the level 0.5.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         level: state of charge, one for all or (units,) one each.
     """
 
-    def __init__(self, world: World, level: float | Floats = 0.5) -> None:
-        self.anchors = Anchors(world.simulator, level)
+    def __init__(self, setting: Setting, level: float | Floats = 0.5) -> None:
+        self.anchors = Anchors(setting.simulator, level)
         self.name = f"rule-{level:g}" if np.ndim(level) == 0 else "rule-levels"
 
     def act(self, observation: Observation) -> Floats:

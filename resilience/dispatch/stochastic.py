@@ -24,7 +24,7 @@ from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
 from resilience.models.program.risk import Risk
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 
 
 class Stochastic:
@@ -33,7 +33,7 @@ class Stochastic:
     It remembers since when lines are down, and which have failed, in every scenario.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         belief: in outages to come, or the bell to believe in; the case's own if omitted.
         paths: sampled futures; fewer than 30 miss rare joint outages.
         steps: of every path.
@@ -49,7 +49,7 @@ class Stochastic:
 
     def __init__(
         self,
-        world: World,
+        setting: Setting,
         belief: Belief | Bell | None = None,
         *,
         paths: int = 30,
@@ -57,23 +57,23 @@ class Stochastic:
         risk: Risk = RISK_NEUTRAL,
         seed: int = 0,
     ) -> None:
-        check_storage(world.microgrid.case)
+        check_storage(setting.case)
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
-        self.world, self.paths, self.risk, self.seed = world, paths, risk, seed
+        self.setting, self.paths, self.risk, self.seed = setting, paths, risk, seed
         self.steps = steps or WindowSteps()
         if belief is None or isinstance(belief, Bell):
-            lines = world.scenarios.lines
-            belief = case_belief(world.microgrid.case, lines, bell=belief, seed=seed)
+            lines = setting.lines
+            belief = case_belief(setting.case, lines, bell=belief, seed=seed)
         self.belief: Belief = belief
-        self.merged = merged_grid(world.microgrid.case)
-        self.memory = Memory(world.setting, self.belief.daily)
-        self.value = stored_energy_value(world.microgrid.case, world.end_value_per_mwh)
+        self.merged = merged_grid(setting.case)
+        self.memory = Memory(setting, self.belief.daily)
+        self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
         self.programs: dict[int, WindowProgram] = {}
 
     def act(self, observation: Observation) -> Floats:
         """The common first slot of every scenario's program: (units, batch) charging power, MW."""
         self.memory.update(observation)
-        end = min(observation.t + self.steps.horizon, self.world.microgrid.case.slots)
+        end = min(observation.t + self.steps.horizon, self.setting.case.slots)
         power = np.empty_like(observation.energy)
         for k in range(power.shape[1]):
             up, probability = self._paths(observation, k)

@@ -51,7 +51,7 @@ class Part:
         if self.make is None:
             return self._bound(on_slot)
         began = time.perf_counter(), time.process_time()
-        dispatcher = self.make(self.world)
+        dispatcher = self.make(self.world.setting)
         wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
         trajectory = simulate(self.world, dispatcher, on_slot)
         return replace(trajectory, name=self.name, build_seconds=wall, build_cpu_seconds=cpu)

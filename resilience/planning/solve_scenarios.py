@@ -193,7 +193,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
         world = World.build(microgrid, scenarios)
         program = scenario_program(microgrid, distinct)
     with phase("dispatch", method):
-        trajectory = simulate(world, DISPATCHERS[method](world))
+        trajectory = simulate(world, DISPATCHERS[method](world.setting))
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)

@@ -45,16 +45,16 @@ class Observation:
 class Dispatcher(Protocol):
     """Decides the storage power in every slot; the rest of each island follows by recourse.
 
-    A dispatcher is made from the world in which it acts, once for a batch of scenarios, and then
+    A dispatcher is made from the setting in which it acts, once for a batch of scenarios, and then
     asked slot by slot. It may remember what it has observed. It does not need to keep to limits:
     the simulator cuts its answer back to what the units can do, see `Simulator.limits`.
 
         class Full:
             name = "full"
 
-            def __init__(self, world: World) -> None:
-                self.capacity = np.array([[unit.e_mwh] for unit in world.microgrid.case.ess])
-                self.step_h = world.microgrid.case.step_h
+            def __init__(self, setting: Setting) -> None:
+                self.capacity = np.array([[unit.e_mwh] for unit in setting.case.ess])
+                self.step_h = setting.case.step_h
 
             def act(self, observation: Observation) -> Floats:
                 return (self.capacity - observation.energy) / self.step_h

@@ -25,8 +25,8 @@ from resilience.simulation.slots import Slot, Slots, Stepper
 class World:
     """The microgrid, its simulator, and the scenarios of an evaluation.
 
-    Everybody who is compared acts in the same world. A dispatcher reads the case, the lines that
-    can fail and what energy is worth here; the outages themselves are for the simulator alone.
+    Everybody who is compared acts in the same world. A dispatcher knows its `setting` alone: the
+    case, the lines that can fail and what energy is worth. What happens is for the simulator.
     `compare` makes the usual world; `World.build` makes one from a microgrid and scenarios.
 
     Attributes:
@@ -161,14 +161,14 @@ class World:
 
     def forecast(self, now: int) -> Forecast:
         """What is expected of profiles at slot `now`; see `Observation.forecast`."""
-        outlook = self.outlook
-        if outlook is None:
-            return self.profile
-        case = self.microgrid.case
+        case, outlook, n = self.microgrid.case, self.outlook, self.scenarios.n
 
         def expected(name: str | None, slots: Ints) -> Floats:
             slots = np.minimum(slots, case.slots - 1)
-            return outlook.expected(name, case.profile(name)[slots], slots, now)
+            values = case.profile(name)[slots]
+            if outlook is None:
+                return np.broadcast_to(values[:, None], (len(values), n))
+            return outlook.expected(name, values, slots, now)
 
         return expected
 

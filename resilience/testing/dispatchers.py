@@ -14,12 +14,13 @@ from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.setting import Setting
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 from resilience.testing.cases import small_case
 
-DispatcherFactory = Callable[[World], Dispatcher]
+DispatcherFactory = Callable[[Setting], Dispatcher]
 LIMIT_TOLERANCE = 1e-9  # MWh and MW
 COST_TOLERANCE = 1e-6  # $
 FUTURE_TOLERANCE = 1e-7  # MW; what a solver makes of equal programs is equal
@@ -77,7 +78,7 @@ def check_dispatcher(
     in a comparison.
 
     Args:
-        make_dispatcher: makes a fresh one from the world that it acts in.
+        make_dispatcher: makes a fresh one from the setting that it acts in.
         world: where it acts; `small_world()` if omitted.
         at_slot: the last slot that the two worlds have in common; the middle of the horizon if
             omitted.
@@ -99,7 +100,8 @@ def check_dispatcher(
         difference = np.abs(actions[: slot + 1] - changed[: slot + 1])
         assert difference.max(initial=0.0) <= FUTURE_TOLERANCE, (
             f"{trajectory.name}: in slot {int(difference.max(axis=(1, 2)).argmax())} it acts on "
-            f"what happens after slot {slot}; hint: use the observation, not the world's scenarios"
+            f"what happens after slot {slot}; hint: use the observation alone, and random numbers of "
+            "a stream that `setting.numbers` keys"
         )
     return trajectory
 
@@ -137,7 +139,7 @@ class _Recorder:
 
 def _run(make_dispatcher: DispatcherFactory, world: World) -> tuple[Trajectory, Floats]:
     """What a fresh dispatcher does, and its actions, (slots, units, batch)."""
-    recorder = _Recorder(make_dispatcher(world))
+    recorder = _Recorder(make_dispatcher(world.setting))
     trajectory = simulate(world, recorder)
     return trajectory, np.array(recorder.actions)
 

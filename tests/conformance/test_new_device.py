@@ -165,7 +165,7 @@ def test_dispatchers_use_it_and_are_judged(methods: list[str]) -> None:
 def test_the_network_simulator_steps_it() -> None:
     case = windy(ess=[{"p_max_mw": 1.0, "e_mwh": 2.0}])
     world = World.build(Microgrid.build(case, "lindistflow"), calm(case))
-    trajectory = simulate(world, Idle(world))
+    trajectory = simulate(world, Idle(world.setting))
     assert trajectory.shed_mwh.max() == pytest.approx(0.0, abs=1e-6)
     assert trajectory.flow("turbine.p").sum() > 6.0
 

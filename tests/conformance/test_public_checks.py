@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Cone, Disc, Split
 from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
 from resilience.simulation.world import World
 from resilience.testing import TINY, check_backend, check_dispatcher, small_world
 
@@ -115,11 +117,20 @@ def test_our_dispatchers_pass(name: str) -> None:
     check_dispatcher(DISPATCHERS[name])
 
 
+def stolen_world() -> World:
+    """The world of whoever called: what nobody is given, and a dispatcher of no shame takes."""
+    frame = inspect.currentframe()
+    while frame is not None and not isinstance(frame.f_locals.get("world"), World):
+        frame = frame.f_back
+    assert frame is not None
+    return cast(World, frame.f_locals["world"])
+
+
 class Prophet(Rule):
     """Fills up where the world's scenarios are about to take a line down."""
 
     def act(self, seen: Observation) -> Floats:
-        soon = self.world.line_up[:, seen.t : seen.t + 2].all()
+        soon = stolen_world().line_up[:, seen.t : seen.t + 2].all()
         return super().act(seen) if soon else np.full_like(seen.energy, 9.0)
 
 
@@ -127,8 +138,9 @@ class Clairvoyant(Rule):
     """Knows how the sun will be."""
 
     def act(self, seen: Observation) -> Floats:
-        later = np.array([min(seen.t + 1, self.world.microgrid.case.slots - 1)])
-        return super().act(seen) * self.world.profile("sun", later)
+        world = stolen_world()
+        later = np.array([min(seen.t + 1, world.microgrid.case.slots - 1)])
+        return super().act(seen) * world.profile("sun", later)
 
 
 class Flat(Greedy):
@@ -155,7 +167,7 @@ class Undecided(Greedy):
     ],
 )
 def test_a_dispatcher_that_breaks_a_rule_is_caught(
-    dispatcher: Callable[[World], Any], complaint: str
+    dispatcher: Callable[[Setting], Any], complaint: str
 ) -> None:
     with pytest.raises(AssertionError, match=complaint):
         check_dispatcher(dispatcher)

@@ -30,7 +30,7 @@ from resilience.models.methods.linear import lp
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Structure
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 from resilience.testing import check_backend, check_dispatcher
 from tests.docs.pages import ROOT
 
@@ -154,7 +154,7 @@ def test_a_new_network_format(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
 class Full:
     """Charges what it can."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, setting: Setting) -> None:
         self.name = "full"
 
     def act(self, observation: Observation) -> Floats:

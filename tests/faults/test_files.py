@@ -114,7 +114,7 @@ def test_scenarios_that_were_changed_are_refused(
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
     world = small_world()
-    return simulate(world, Greedy(world))
+    return simulate(world, Greedy(world.setting))
 
 
 def shifted(name: str, place: tuple[int, ...], by: float) -> Callable[[Trajectory], Trajectory]:

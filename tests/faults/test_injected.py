@@ -151,7 +151,7 @@ def test_a_plan_is_valid_or_refused(
 
 
 def dispatched(world: World, name: str) -> Trajectory:
-    return simulate(world, DISPATCHERS[name](world))
+    return simulate(world, DISPATCHERS[name](world.setting))
 
 
 @cache

@@ -16,7 +16,7 @@ from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
 from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.simulation.observation import Observation
-from resilience.simulation.world import World
+from resilience.simulation.setting import Setting
 
 PATHS = 20
 
@@ -31,7 +31,7 @@ class Sddp:
     see `Book`.
 
     Args:
-        world: where it acts.
+        setting: where it acts.
         book: the cut sets; those of the case and of its own outage process if omitted.
         paths: sampled futures of the next hours; 0: the cuts alone.
 
@@ -40,25 +40,25 @@ class Sddp:
             track, whose hazard no day shares with another.
     """
 
-    def __init__(self, world: World, book: Book | None = None, *, paths: int = PATHS) -> None:
-        case = world.microgrid.case
+    def __init__(self, setting: Setting, book: Book | None = None, *, paths: int = PATHS) -> None:
+        case = setting.case
         if case.storm is not None:
             raise UsageError(
                 f"sddp learns days that are alike, and case {case.name!r} has the one storm "
                 f"{case.storm.name!r}",
                 hint="use the dispatcher `stochastic`",
             )
-        self.name, self.world = "sddp", world
+        self.name, self.setting = "sddp", setting
         self.book = book or Book(case)
-        self.fleet, self.memory = self.book.fleet, Memory(world.setting)
+        self.fleet, self.memory = self.book.fleet, Memory(setting)
         self.lines = [case.network.line(name) for name in self.book.lines]
         self.program = StageProgram(self.fleet.microgrid.stage(case.step_h))
         self.lookahead = Lookahead(self.book, paths) if paths else None
-        self._midnight, self._end = self.book.ends(world.end_value_per_mwh)
+        self._midnight, self._end = self.book.ends(setting.end_value_per_mwh)
 
     def cut_set(self, t: int, storm_peak: int) -> CutSet:
         """The cuts of the day of slot t: up to midnight, or to the end of the horizon."""
-        clock, remaining = self.memory.clock(t), self.world.microgrid.case.slots - t
+        clock, remaining = self.memory.clock(t), self.setting.case.slots - t
         if remaining <= self.book.per_day - clock:
             return self.book.cut_set(storm_peak, self._end, clock + remaining)
         return self.book.cut_set(storm_peak, self._midnight)
@@ -120,7 +120,7 @@ class Sddp:
 
     def _remembered(self, k: int, down: Bools, clock: int) -> tuple[Ints, Bools]:
         """Since when each line is down (-1: it is up), and whether it has failed today."""
-        names = self.world.scenarios.lines
+        names = self.setting.lines
         since, spent = np.where(down, clock, -1), down.copy()
         for line, name in enumerate(self.book.lines):
             if name in names:
@@ -130,7 +130,7 @@ class Sddp:
 
     def _levels(self, observation: Observation) -> Sequence[Floats]:
         """(levels,) per scenario: what the forecast says of the rest of the day."""
-        case, climate = self.world.microgrid.case, self.book.climate
+        case, climate = self.setting.case, self.book.climate
         n, clock = observation.energy.shape[1], self.memory.clock(observation.t)
         ahead = np.arange(min(self.book.per_day - clock, case.slots - observation.t))
         slots = observation.t + ahead

@@ -26,6 +26,7 @@ from resilience.models.backends.highs import Highs
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
 from resilience.testing import small_case
@@ -145,7 +146,7 @@ def test_a_mean_over_episodes_that_are_not_alike_is_no_interquartile_mean(
 
 def test_the_end_credit_is_worth_the_energy_left() -> None:
     world = tiny(terminal_value_per_mwh=2.0)
-    run = simulate(world, DISPATCHERS["rule-0.9"](world))
+    run = simulate(world, DISPATCHERS["rule-0.9"](world.setting))
     assert run.objective(2.0) == pytest.approx([2.45 - 2 * 0.45, 5.2])
     assert rs.evaluate(world, ["idle"]).end_value_per_mwh == 2.0
 
@@ -218,7 +219,7 @@ def test_a_reset_run_is_its_days_alone_and_says_so(short: World) -> None:
         mine = rs.Scenarios(storms.lines, down, storms.probability, storms.centre[[day]])
         world = World.build(Microgrid.build(alone, "copperplate"), mine, end_value_per_mwh=0.12)
         bounds += clairvoyant(world).objective
-        costs += simulate(world, DISPATCHERS["rule"](world)).objective(0.12)
+        costs += simulate(world, DISPATCHERS["rule"](world.setting)).objective(0.12)
     np.testing.assert_allclose(found.bound, bounds, rtol=1e-9)
     np.testing.assert_allclose(found.objective["rule"], costs, rtol=1e-9)
     np.testing.assert_allclose(found.objective["clairvoyant"], found.bound, rtol=1e-7)
@@ -227,8 +228,8 @@ def test_a_reset_run_is_its_days_alone_and_says_so(short: World) -> None:
 class Listener:
     """Notes what it is told; charges nothing."""
 
-    def __init__(self, world: World) -> None:
-        self.name, self.world = "listener", world
+    def __init__(self, setting: Setting) -> None:
+        self.name = "listener"
 
     def act(self, seen: Observation) -> Floats:
         assert (seen.centre == -1).all()
@@ -250,7 +251,7 @@ def test_nobody_beats_the_bound_where_forecasts_err(day: World, name: str) -> No
     outlook = sample_outlook(case, ForecastError(0.1, 0.9), 2, 9)
     world = replace(day, outlook=outlook)
     bound = clairvoyant(world)
-    run = simulate(world, DISPATCHERS[name](world))
+    run = simulate(world, DISPATCHERS[name](world.setting))
     assert (run.objective(0.12) >= bound.objective - 1e-6).all()
     replayed = simulate(world, Replay("clairvoyant", bound.charging))
     np.testing.assert_allclose(replayed.objective(0.12), bound.objective, rtol=1e-7)

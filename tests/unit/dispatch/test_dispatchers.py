@@ -54,7 +54,7 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def runs(world: World) -> Callable[[str], Trajectory]:
     """What a dispatcher does in that world, once for all tests."""
-    return cache(lambda name: simulate(world, DISPATCHERS[name](world)))
+    return cache(lambda name: simulate(world, DISPATCHERS[name](world.setting)))
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -73,7 +73,7 @@ def test_nobody_sees_the_future(world: World, runs: Callable[[str], Trajectory],
     calm[:, SPLIT:] = False
     other = Scenarios(storms.lines, calm, storms.probability, storms.centre)
     elsewhere = World(world.microgrid, world.simulator, other, VALUE)
-    run = simulate(elsewhere, DISPATCHERS[name](elsewhere))
+    run = simulate(elsewhere, DISPATCHERS[name](elsewhere.setting))
     np.testing.assert_allclose(runs(name).storage[:, :SPLIT], run.storage[:, :SPLIT], atol=1e-7)
 
 
@@ -87,7 +87,7 @@ def test_the_rule_reaches_its_level_and_holds_it() -> None:
     calm = held_out(rs.load_case("ieee33"), 1)
     none = Scenarios(("1-2",), np.zeros((1, calm.slots, 1), bool), np.ones(1))
     world = World.build(Microgrid.build(calm, "copperplate"), none)
-    run = simulate(world, Rule(world, 0.9))
+    run = simulate(world, Rule(world.setting, 0.9))
     size = np.array([unit.e_mwh for unit in calm.ess])
     np.testing.assert_allclose(run.energy[:, 16:, 0] / size[:, None], 0.9, atol=1e-9)
     assert run.storage[:, 20:].max() == pytest.approx(0.0, abs=1e-9)
@@ -103,7 +103,7 @@ def test_greedy_serves_the_net_demand_of_its_island() -> None:
     )
     none = Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
     world = World.build(Microgrid.build(case, "copperplate"), none)
-    run = simulate(world, Greedy(world))
+    run = simulate(world, Greedy(world.setting))
     assert run.storage[:, 0, 0] == pytest.approx([0.5, 0.5])
     assert run.storage[:, 1, 0] == pytest.approx([-0.3, -0.3])
     assert run.cost.sum() == pytest.approx(0.0)
@@ -135,7 +135,7 @@ def test_in_an_island_the_rule_gives_what_generators_cannot_and_takes_what_is_ov
     0.4 MW net leave the generator with 0.1 to spare, and storage still.
     """
     world = two_stores(grid=False)
-    for dispatcher in (Rule(world, 0.7), Greedy(world, generators_first=True)):
+    for dispatcher in (Rule(world.setting, 0.7), Greedy(world.setting, generators_first=True)):
         run = simulate(world, dispatcher)
         assert run.storage[:, :3, 0].T.tolist() == [
             pytest.approx([0.4, 0.2]),
@@ -162,7 +162,7 @@ def test_demand_that_cannot_be_served_asks_nothing_of_storage(
 def test_with_a_grid_the_rule_goes_to_its_level_and_reckons_with_losses() -> None:
     """From 2.2 to 2 MWh: 0.2 * 0.8 / 0.5 h; from 0.9 towards 1.5 MWh by 0.5 MW: three slots."""
     world = two_stores(grid=True)
-    run = simulate(world, Rule(world, 0.5))
+    run = simulate(world, Rule(world.setting, 0.5))
     assert run.storage[:, :, 0].tolist() == [
         pytest.approx([0.32, 0.0, 0.0, 0.0], abs=1e-9),
         pytest.approx([-0.5, -0.5, -0.2, 0.0], abs=1e-9),
@@ -193,7 +193,7 @@ def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
     none = Scenarios(("1-2",), np.zeros((1, 12, 1), bool), np.ones(1))
     world = World.build(Microgrid.build(case, "copperplate"), none)
     plan = rs.solve(case, "lp", physics="copperplate")
-    mpc = BlindMPC(world, slots=12, value_per_mwh=case.terminal_value_per_mwh)
+    mpc = BlindMPC(world.setting, slots=12, value_per_mwh=case.terminal_value_per_mwh)
     seen = Observation(
         0, world.microgrid.start()["ess.energy"][:, None], np.ones((37, 1), bool),
         world.situation(0).island, np.array([-1]), world.forecast(0), world.slot(0).stacked,

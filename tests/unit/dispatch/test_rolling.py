@@ -59,7 +59,7 @@ def test_without_a_storage_there_is_nothing_to_look_ahead_for(method: str) -> No
     case = feeder().replace(ess=())
     drawn = sample_bell(case, Bell(), 1, 0)
     with pytest.raises(rs.UsageError, match="has no storage; allowed: a case with"):
-        DISPATCHERS[method](World.build(Microgrid.build(case, "copperplate"), drawn))
+        DISPATCHERS[method](World.build(Microgrid.build(case, "copperplate"), drawn).setting)
 
 
 @pytest.mark.parametrize(
@@ -240,14 +240,14 @@ def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> 
 
 
 def test_paths_that_are_alike_become_one(world: World) -> None:
-    found = Stochastic(world, paths=30)
+    found = Stochastic(world.setting, paths=30)
     calm = seen(world, 0)
     up, share = found._paths(calm, 0)
     assert share.sum() == pytest.approx(1.0)
     used = up[:, :, share > 0.0].reshape(37, -1, (share > 0.0).sum())
     flat = used.reshape(-1, used.shape[2])
     assert np.unique(flat, axis=1).shape[1] == flat.shape[1]
-    calm_bell = Stochastic(world, Bell(probability=0.0), paths=30)
+    calm_bell = Stochastic(world.setting, Bell(probability=0.0), paths=30)
     assert calm_bell._paths(calm, 0)[1].tolist() == [1.0]
 
 
@@ -256,7 +256,7 @@ def test_mpc_keeps_a_reserve_while_a_storm_may_come_and_sells_it_afterwards(worl
     it is sold at the evening's price."""
     energies = []
     for spent in (False, True):
-        mpc = MPC(world)
+        mpc = MPC(world.setting)
         now = seen(world, 72)
         mpc.memory.spent[:] = spent
         evening = Observation(72, now.energy, np.ones((37, 3), bool), now.island * 0,

@@ -25,6 +25,7 @@ from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
 from resilience.testing import small_case
@@ -95,13 +96,13 @@ def test_scenarios_keep_their_numbers(world: World) -> None:
 
 
 class Drawn:
-    """Acts at random, with a stream per scenario as `World.index` asks for."""
+    """Acts at random, with a stream per scenario as `Setting.numbers` are for."""
 
     batched = True
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, setting: Setting) -> None:
         self.name = "drawn"
-        self.streams = [np.random.default_rng([5, k]) for k in world.index]
+        self.streams = [np.random.default_rng([5, k]) for k in setting.numbers]
 
     def act(self, seen: Observation) -> Floats:
         units = len(seen.energy)
@@ -122,7 +123,7 @@ def test_random_dispatchers_repeat_themselves_in_any_split(
 
 def test_a_world_travels(world: World) -> None:
     again = pickle.loads(pickle.dumps(world))
-    run, other = (simulate(w, DISPATCHERS["rule"](w)) for w in (world, again))
+    run, other = (simulate(w, DISPATCHERS["rule"](w.setting)) for w in (world, again))
     np.testing.assert_array_equal(run.cost, other.cost)
 
 

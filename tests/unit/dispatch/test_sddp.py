@@ -70,10 +70,10 @@ def test_without_hazard_and_noise_it_is_the_optimum(paths: int) -> None:
     world = calm(case)
     settings = Settings(iterations=60, patience=60)
     book = Book(case, outcomes=1, settings=settings, cache=False)
-    run = simulate(world, Sddp(world, book, paths=paths))
+    run = simulate(world, Sddp(world.setting, book, paths=paths))
     bound = clairvoyant(world).objective
     assert run.objective(world.end_value_per_mwh) == pytest.approx(bound, rel=2e-4)
-    assert bound[0] < 0.9 * simulate(world, Rule(world, 0.9)).objective(0.5)[0]
+    assert bound[0] < 0.9 * simulate(world, Rule(world.setting, 0.9)).objective(0.5)[0]
 
 
 def test_where_the_storm_is_markov_the_bound_is_met() -> None:
@@ -84,7 +84,7 @@ def test_where_the_storm_is_markov_the_bound_is_met() -> None:
     world = World.build(Microgrid.build(case, "copperplate"), sample_bell(case, bell, 400, 3))
     settings = Settings(iterations=80, patience=80, paths=2)
     book = Book(case, bell, outcomes=1, settings=settings, cache=False)
-    dispatcher = Sddp(world, book, paths=0)
+    dispatcher = Sddp(world.setting, book, paths=0)
     costs = simulate(world, dispatcher).objective(world.end_value_per_mwh)
     trained = dispatcher.cut_set(0, 60).trained
     proven = trained.root.value(book.start, book.climate.levels[0])
@@ -139,7 +139,7 @@ def test_it_neither_beats_the_bound_nor_sees_the_future(
     named = storms.scenarios
     other = Scenarios(named.lines, quiet, named.probability, named.centre)
     runs = [
-        simulate(w, Sddp(w, few, paths=paths))
+        simulate(w, Sddp(w.setting, few, paths=paths))
         for w in (storms, World.build(storms.microgrid, other))
     ]
     np.testing.assert_allclose(runs[0].storage[:, :at], runs[1].storage[:, :at], atol=1e-7)
@@ -152,7 +152,7 @@ def test_the_look_ahead_is_near_the_bound(storms: World, few: Book) -> None:
     bound, value = clairvoyant(storms).objective, storms.end_value_per_mwh
     gap, rule = (
         float(np.mean(simulate(storms, made).objective(value) / bound - 1.0))
-        for made in (Sddp(storms, few), Rule(storms, 0.9))
+        for made in (Sddp(storms.setting, few), Rule(storms.setting, 0.9))
     )
     assert gap < 0.02
     assert rule > 0.08

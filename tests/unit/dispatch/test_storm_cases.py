@@ -38,8 +38,8 @@ def test_nobody_beats_the_bound_in_a_storm() -> None:
 
 
 def test_a_dispatcher_believes_in_the_storm_of_its_case(world: World) -> None:
-    assert isinstance(MPC(world).belief, StormBelief)
-    assert isinstance(Stochastic(world).belief, StormBelief)
+    assert isinstance(MPC(world.setting).belief, StormBelief)
+    assert isinstance(Stochastic(world.setting).belief, StormBelief)
     assert isinstance(case_belief(rs.load_case("ieee33"), ("1-2",)), BellBelief)
 
 
@@ -59,7 +59,7 @@ def test_nobody_sees_the_future_in_a_storm(name: str) -> None:
     other = Scenarios(storm.lines, calm, storm.probability)
     microgrid = Microgrid.build(case, "copperplate")
     one, two = (
-        simulate(w, DISPATCHERS[name](w))
+        simulate(w, DISPATCHERS[name](w.setting))
         for w in (World.build(microgrid, storm), World.build(microgrid, other))
     )
     np.testing.assert_allclose(one.storage[:, :at], two.storage[:, :at], atol=1e-7)

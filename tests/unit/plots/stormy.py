@@ -49,7 +49,7 @@ def cut(case: Case) -> Scenarios:
 def compared(case: Case, scenarios: Scenarios, names: Sequence[str]) -> Comparison:
     """What `compare` does, with a bound that is a thousandth below the cheapest method."""
     world = World.build(Microgrid.build(case, "copperplate"), scenarios)
-    runs = {name: simulate(world, DISPATCHERS[name](world)) for name in names}
+    runs = {name: simulate(world, DISPATCHERS[name](world.setting)) for name in names}
     value = case.terminal_value_per_mwh
     cost = {name: run.objective(value) for name, run in runs.items()}
     bound = np.min(list(cost.values()), axis=0) - 1e-3

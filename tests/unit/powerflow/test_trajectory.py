@@ -35,7 +35,7 @@ def world() -> World:
 def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
     """Calm slots and islanded ones, injections put together anew from the case's tables."""
     case, network = world.microgrid.case, world.microgrid.case.network
-    run = simulate(world, DISPATCHERS["rule"](world))
+    run = simulate(world, DISPATCHERS["rule"](world.setting))
     found = ac_check_trajectory(world, run)
     served = demand(world) - run.flow("load.shed")
     outages = (~world.line_up).sum(0)
@@ -71,7 +71,7 @@ def test_slots_of_a_trajectory_equal_pandapower(world: World) -> None:
 
 
 def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = simulate(world, DISPATCHERS["rule"](world))
+    run = simulate(world, DISPATCHERS["rule"](world.setting))
     whole = ac_check_trajectory(world, run)
     monkeypatch.setattr(certify, "MEMBERS", 40)
     small_pieces = ac_check_trajectory(world, run)
@@ -101,7 +101,7 @@ def line(r: float, **more: Any) -> World:
 def test_the_grid_gives_the_losses_and_exceeds_its_limit_by_them() -> None:
     """1 MW over r = 0.05 pu from 1 pu: v² - v + 0.05 = 0, losses 1/v - 1; alone there are none."""
     world = line(0.05)
-    found = ac_check_trajectory(world, simulate(world, Idle(world)))
+    found = ac_check_trajectory(world, simulate(world, Idle(world.setting)))
     v = (1 + np.sqrt(1 - 4 * 0.05)) / 2
     assert found.values("v_min_pu") == pytest.approx(np.array([[v, v], [v, 1.0]]), abs=1e-8)
     loss = 1 / v - 1
@@ -123,7 +123,7 @@ def test_members_without_solution_are_masked_and_counted() -> None:
     """1 MW over 0.3 pu is more than the line can carry; the island beside it has a voltage."""
     world = line(0.3)
     likely = world.scenarios.probability
-    found = ac_check_trajectory(world, simulate(world, Idle(world)))
+    found = ac_check_trajectory(world, simulate(world, Idle(world.setting)))
     assert found.converged.tolist() == [[False, False], [False, True]]
     assert found.not_converged_share(likely) == 0.75
     assert found.worst().not_converged == 3
