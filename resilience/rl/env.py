@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -18,13 +18,31 @@ from resilience.dispatch.anchors import Anchors, Needs
 from resilience.errors import UsageError
 from resilience.models.simulator import Simulator
 from resilience.models.simulator.arrays import array_ops
+from resilience.models.simulator.prices import PricedBatch
 from resilience.models.simulator.simulator import Step
 from resilience.rl.bands import AnchorBand, Band, band
 from resilience.rl.episodes import Episodes, EpisodeSampler
 from resilience.rl.observe import Observer
+from resilience.simulation.slots import Slot
 
 Baseline = Literal["none", "idle", "rule"]
 BASELINES: tuple[Baseline, ...] = get_args(Baseline)
+
+
+class Now(NamedTuple):
+    """A slot of a batch, on the device.
+
+    Attributes:
+        data: (n_data, batch) from `Simulator.stacked`.
+        island: (buses, batch) number of the island of every bus.
+        needs: what islands lack and have; None where the band does not ask.
+        priced: in which order sources are taken.
+    """
+
+    data: torch.Tensor
+    island: torch.Tensor
+    needs: Needs | None
+    priced: PricedBatch
 
 
 @dataclass(frozen=True)
@@ -33,10 +51,11 @@ class Tape:
 
     Attributes:
         episodes: where it comes from.
-        data: (slots, n_data, batch) from `Simulator.stacked`.
+        data: (slots, n_data, batch) from `Simulator.stacked`, while all storage has energy to give.
         island: (slots, buses, batch).
         seen: (slots, batch, numbers) the observations without storage.
         needs: what islands lack and have, slot by slot; empty where the band does not ask.
+        priced: in which order sources are taken, slot by slot.
     """
 
     episodes: Episodes
@@ -44,6 +63,7 @@ class Tape:
     island: torch.Tensor
     seen: torch.Tensor
     needs: list[Needs | None]
+    priced: list[PricedBatch]
 
     @property
     def slots(self) -> int:
@@ -53,7 +73,11 @@ class Tape:
     @property
     def n(self) -> int:
         """Episodes in the batch."""
-        return int(self.data.shape[2])
+        return self.episodes.n
+
+    def now(self, t: int) -> Now:
+        """Slot t while all storage has energy to give."""
+        return Now(self.data[t], self.island[t], self.needs[t], self.priced[t])
 
 
 class BatchEnv:
@@ -121,20 +145,38 @@ class BatchEnv:
     def tape(self, episodes: Episodes) -> Tape:
         """A batch, ready to be played as often as one likes."""
         observer = Observer(episodes.setting)
-        blank = np.zeros((self.units, episodes.n))
-        data, island, seen = [], [], []
+        full = np.repeat(self.simulator.high, episodes.n, axis=1)
+        shape = (episodes.slots, episodes.n, self.size - self.units)
+        now, seen = [], torch.empty(shape, dtype=self.dtype, device=self.device)
         for t in range(episodes.slots):
-            observation = episodes.observation(t, blank)
-            data.append(observation.data)
-            island.append(observation.island)
-            seen.append(observer.world(observation).T)
-        device_data = self.tensor(np.array(data))
-        islands = torch.as_tensor(np.array(island), device=self.device)
-        needs: list[Needs | None] = [None] * episodes.slots
+            now.append(self._on_device(episodes.slot(t)))
+            seen[t] = self.tensor(observer.world(episodes.observation(t, full))).T
+        data, island, needs, priced = zip(*now, strict=True)
+        return Tape(
+            episodes,
+            torch.stack(data),
+            torch.stack(island),
+            seen,
+            list(needs),
+            list(priced),
+        )
+
+    def now(self, tape: Tape, t: int, energy: torch.Tensor) -> Now:
+        """Slot t with this much stored, (units, batch) MWh: empty storage forms no island."""
+        episodes = tape.episodes
+        if not episodes.has_energy_islands:
+            return tape.now(t)
+        stored = energy.detach().cpu().numpy().astype(float)
+        usual, slot = episodes.slot(t), episodes.slot(t, stored)
+        return tape.now(t) if slot is usual else self._on_device(slot)
+
+    def _on_device(self, slot: Slot) -> Now:
+        data = self.tensor(slot.stacked)
+        island = torch.as_tensor(slot.island, device=self.device)
+        needs = None
         if isinstance(self.band, AnchorBand):
-            anchors = self.band.anchors
-            needs = [anchors.needs(*now) for now in zip(device_data, islands, strict=True)]
-        return Tape(episodes, device_data, islands, self.tensor(np.array(seen)), needs)
+            needs = self.band.anchors.needs(data, island)
+        return Now(data, island, needs, self.simulator.priced(data))
 
     def observe(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
         """(batch, numbers) what is seen in slot t with this much stored, (units, batch) MWh."""
@@ -142,21 +184,26 @@ class BatchEnv:
 
     def power(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
         """(units, batch) MW that outputs (batch, units) in [-1, 1] ask for."""
-        return self.band.power(output.T, energy, tape.data[t], tape.island[t], tape.needs[t])
+        return self._power(self.now(tape, t, energy), energy, output)
 
     def step(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> Step:
         """Slot t played with outputs (batch, units) in [-1, 1]."""
-        return self._step(tape, t, energy, self.power(tape, t, energy, output))
+        now = self.now(tape, t, energy)
+        return self._step(now, energy, self._power(now, energy, output))
 
-    def _step(self, tape: Tape, t: int, energy: torch.Tensor, power: torch.Tensor) -> Step:
-        return self.simulator.step(energy, power, tape.data[t], tape.island[t])
+    def _power(self, now: Now, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
+        power: torch.Tensor = self.band.power(output.T, energy, now.data, now.island, now.needs)
+        return power
 
-    def _baseline_power(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
+    def _step(self, now: Now, energy: torch.Tensor, power: torch.Tensor) -> Step:
+        return self.simulator.step(energy, power, now.data, now.island, now.priced)
+
+    def _baseline_power(self, now: Now, energy: torch.Tensor) -> torch.Tensor:
         """(units, batch) MW that the baseline asks for."""
         if self.baseline == "idle":
             return torch.zeros_like(energy)
-        data, island, needs = tape.data[t], tape.island[t], tape.needs[t]
-        power: torch.Tensor = self._anchors.actions(energy, data, island, needs).rule
+        anchors = self._anchors.actions(energy, now.data, now.island, now.needs)
+        power: torch.Tensor = anchors.rule
         return power
 
     def _wear(self, tape: Tape, t: int, step: Step) -> torch.Tensor:
@@ -189,7 +236,8 @@ class BatchEnv:
         energy, costs = start, []
         with torch.no_grad():
             for t in range(tape.slots):
-                step = self._step(tape, t, energy, self._baseline_power(tape, t, energy))
+                now = self.now(tape, t, energy)
+                step = self._step(now, energy, self._baseline_power(now, energy))
                 costs.append(self.cost(tape, t, step))
                 energy = step.energy
         return torch.stack(costs)

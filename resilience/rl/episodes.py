@@ -63,13 +63,18 @@ class Episodes:
         """(lines of the case, slots, batch) False where a line is down."""
         return self.scenarios.line_up(self.setting.case.network.line_names)
 
-    def slot(self, t: int) -> Slot:
-        """Data and islands of slot t in every episode."""
-        return self._slots[t]
+    @property
+    def has_energy_islands(self) -> bool:
+        """Whether it depends on the energy stored which islands are alive."""
+        return self.setting.microgrid.energised is not None
+
+    def slot(self, t: int, energy: Floats | None = None) -> Slot:
+        """Data and islands of slot t in every episode, as `World.slot` has them."""
+        return self._slots[t] if energy is None else self._slots.with_energy(t, energy)
 
     def observation(self, t: int, energy: Floats) -> Observation:
         """What an operator sees in slot t with this much stored, (units, batch) MWh."""
-        slot = self.slot(t)
+        slot = self.slot(t, energy)
         up, centre = self.line_up[:, t], self._centre(t)
         return Observation(t, energy, up, slot.island, centre, self._forecast(t), slot.stacked)
 
@@ -84,10 +89,20 @@ class Episodes:
             return np.full(self.n, -1)
         return centre[day]
 
+    @cached_property
+    def _day_ahead(self) -> dict[str | None, Floats]:
+        """By name, (slots, batch) what was forecast, a day beyond the episode; after the last day
+        of all, its end.
+        """
+        ahead = np.arange(self.slots + self.setting.case.window.slots_per_day)[:, None]
+        return {
+            name: values[np.minimum(self.first + ahead, len(values) - 1)]
+            for name, values in self.values.items()
+        }
+
     def _expected(self, name: str | None, slots: Ints) -> Floats:
-        """(len(slots), batch) what was forecast the day before; after the last day, its end."""
-        values = self.values[name]
-        return values[np.minimum(self.first + slots[:, None], len(values) - 1)]
+        """(len(slots), batch) what was forecast the day before."""
+        return np.take(self._day_ahead[name], slots, axis=0)
 
     def _true(self, name: str | None, slots: Ints) -> Floats:
         values = self._expected(name, slots)

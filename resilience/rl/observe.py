@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Floats, Ints
+from resilience.case.schema import GridTable
 from resilience.dispatch.memory import Memory
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
@@ -57,7 +58,7 @@ class Observer:
         self._read_storage()
         self.blocks = self._blocks()
         scales = [block.scale for block in self.blocks[1:]]
-        self._scale = np.concatenate([np.array(scale) for scale in scales])[:, None]
+        self._per_scale = 1.0 / np.concatenate([np.array(scale) for scale in scales])[:, None]
 
     def _read_devices(self) -> None:
         """Which profiles are forecast, what one of each means in MW at every bus, and prices."""
@@ -87,8 +88,7 @@ class Observer:
         buses = [setting.microgrid.network.bus_names[b] for b in self._buses]
         size = np.maximum(self._demand.sum(1), self._supply.sum(1))[self._buses]
         later = [f"+{k}" for k in self.ahead]
-        case = setting.case
-        price = [max(float(np.abs(case.profile(name)).max()), 1e-9) for name in self.prices]
+        price = [self._price_scale(name) for name in self.prices]
         lines = setting.lines
         ones = (1.0,) * len(lines)
         both = tuple(size.tolist())
@@ -113,6 +113,17 @@ class Observer:
             ),
         )
 
+    def _price_scale(self, name: str) -> float:
+        """What a price profile is divided by, so that what the dearest generator costs is 1. It is
+        from the devices, since a policy acts on other days than those it was trained on.
+        """
+        devices = [device for table in self.setting.case.devices.values() for device in table]
+        costs = [device.marginal_cost_per_mwh or 0.0 for device in devices]
+        grids = self.setting.case.tables_of(GridTable)
+        prices = [price for grid in grids for price in (grid.import_price, grid.export_price)]
+        factor = max((abs(f) for f, followed in prices if followed == name), default=0.0)
+        return (max(costs, default=0.0) or 1.0) / (factor or 1.0)
+
     @property
     def size(self) -> int:
         """How many numbers an observation has."""
@@ -124,9 +135,16 @@ class Observer:
         text = json.dumps([(b.name, b.labels, b.scale) for b in self.blocks])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
+    def seen(self, observation: Observation) -> Floats:
+        """(batch, numbers) an observation in single precision, as in training; once a slot."""
+        energy = observation.energy.astype(np.float32)
+        world = self.world(observation).astype(np.float32)
+        return np.concatenate([self.storage(energy), world]).T
+
     def storage(self, energy: Floats) -> Floats:
-        """(units, batch) state of charge within its band, 0 to 1."""
-        return (energy - self._low) / self._range
+        """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
+        low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
+        return (energy - low) / width
 
     def world(self, observation: Observation) -> Floats:
         """(numbers but those of storage, batch) what is seen of the world; once in each slot."""
@@ -138,9 +156,9 @@ class Observer:
         down_h = np.where(up, 0.0, clock - self.memory.since + 1) * case.step_h
         slots = t + self.ahead
         profiles = [observation.forecast(name, slots) for name in self.names]
-        demand, supply = (
-            _weighted(matrix[self._buses], profiles) for matrix in (self._demand, self._supply)
-        )
+        now = [profile[:1] for profile in profiles]
+        demand, supply = self._demand[self._buses], self._supply[self._buses]
+        net = _weighted(demand - supply, profiles)
         price = [observation.forecast(name, slots) for name in self.prices]
         parts = [
             up,
@@ -148,13 +166,13 @@ class Observer:
             self.memory.spent,
             np.repeat(self._clock(t)[:, None], batch, axis=1),
             self._centre(t, observation.centre),
-            demand[:, 0],
-            supply[:, 0],
-            (demand - supply).swapaxes(0, 1).reshape(-1, batch),
+            _weighted(demand, now)[0],
+            _weighted(supply, now)[0],
+            net.reshape(-1, batch),
             *price,
         ]
-        world: Floats = np.concatenate(parts) / self._scale
-        return world
+        world: Floats = np.concatenate(parts)
+        return np.multiply(world, self._per_scale, out=world)
 
     def _clock(self, t: int) -> Floats:
         case = self.setting.case
@@ -170,13 +188,13 @@ class Observer:
 
 
 def _weighted(matrix: Floats, profiles: list[Floats]) -> Floats:
-    """(rows, slots, batch) sums of profiles (slots, batch), term by term: the bits of a product
+    """(slots, rows, batch) sums of profiles (slots, batch), term by term: the bits of a product
     would depend on the size of the batch.
     """
-    total = np.zeros((len(matrix), *profiles[0].shape))
-    for column, values in zip(matrix.T, profiles, strict=True):
-        rows = np.flatnonzero(column)
-        total[rows] += column[rows, None, None] * values
+    slots, batch = profiles[0].shape
+    total = np.zeros((slots, len(matrix), batch))
+    for row, column in np.argwhere(matrix):
+        total[:, row] += matrix[row, column] * profiles[column]
     return total
 
 

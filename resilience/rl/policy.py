@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import nn
 
@@ -38,10 +37,8 @@ class Policy:
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        storage = self.observer.storage(observation.energy)
-        seen = np.concatenate([storage, self.observer.world(observation)]).T
         with torch.no_grad():
-            output = self.actor(torch.as_tensor(seen, dtype=torch.float32))
+            output = self.actor(torch.as_tensor(self.observer.seen(observation)))
         power: Floats = self.band.power(
             output.numpy().T.astype(float),
             observation.energy,

@@ -100,8 +100,8 @@ def check_dispatcher(
         difference = np.abs(actions[: slot + 1] - changed[: slot + 1])
         assert difference.max(initial=0.0) <= FUTURE_TOLERANCE, (
             f"{trajectory.name}: in slot {int(difference.max(axis=(1, 2)).argmax())} it acts on "
-            f"what happens after slot {slot}; hint: use the observation alone, and random numbers of "
-            "a stream that `setting.numbers` keys"
+            f"what happens after slot {slot}; hint: use the observation alone, and random numbers "
+            "of a stream that `setting.numbers` keys"
         )
     return trajectory
 

@@ -80,6 +80,12 @@ class ArrayOps(Protocol):
     def rows(self, x: Array, index: Ints) -> Array:
         """Some rows of x."""
 
+    def index(self, places: Ints) -> Array:
+        """Places along an axis, to index arrays with."""
+
+    def beside(self, arrays: Sequence[Array]) -> Array:
+        """Arrays one beside the other, along the batch."""
+
     def may_exceed(self, x: Array, threshold: float) -> bool:
         """False only if no abs(x) exceeds the threshold; what only then matters may be left out."""
 
@@ -220,6 +226,16 @@ class NumPyOps:
         return np.take(x, index, axis=0)  # ten times faster than an index
 
     @staticmethod
+    def index(places: Ints) -> np.ndarray:
+        """The places themselves."""
+        return places
+
+    @staticmethod
+    def beside(arrays: Sequence[np.ndarray]) -> np.ndarray:
+        """Arrays one beside the other, along the batch."""
+        return np.concatenate(list(arrays), axis=-1)
+
+    @staticmethod
     def may_exceed(x: np.ndarray, threshold: float) -> bool:
         """Whether any abs(x) exceeds the threshold."""
         return bool(x.max(initial=0.0) > threshold or x.min(initial=0.0) < -threshold)
@@ -343,6 +359,19 @@ class TorchOps:
     def rows(x: torch.Tensor, index: Ints) -> torch.Tensor:
         """Some rows of x."""
         return x[index]
+
+    def index(self, places: Ints) -> torch.Tensor:
+        """Places along an axis, on the device."""
+        import torch
+
+        return torch.as_tensor(places, device=self.device)
+
+    @staticmethod
+    def beside(arrays: Sequence[torch.Tensor]) -> torch.Tensor:
+        """Tensors one beside the other, along the batch."""
+        import torch
+
+        return torch.cat(list(arrays), dim=-1)
 
     @staticmethod
     def may_exceed(x: torch.Tensor, threshold: float) -> bool:

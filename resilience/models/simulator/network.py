@@ -23,9 +23,9 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.models.simulator.arrays import NumPyOps, array_ops
+from resilience.models.simulator.arrays import ArrayOps, NumPyOps, array_ops
 from resilience.models.simulator.modes import modes
-from resilience.models.simulator.plant import STATE, Plant
+from resilience.models.simulator.plant import STATE, Plant, Prices
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
 
@@ -66,7 +66,7 @@ class NetworkSimulator(Plant):
         """One step; see `Simulator.step`. NumPy arrays only.
 
         Raises:
-            UsageError: torch arrays, or prices that differ within the batch.
+            UsageError: torch arrays.
             SolverError: a member has no dispatch at all.
         """
         ops = array_ops(energy)
@@ -74,7 +74,33 @@ class NetworkSimulator(Plant):
             raise UsageError(
                 "the network simulator steps NumPy arrays", hint="gradients need Simulator"
             )
-        prices, storage_prices = self.prices(data)
+        groups = self.prices(data)
+        if groups[0].members is None:
+            return self._step(ops, groups[0], energy, action, data, island)
+        members = [np.empty(0, np.intp) if g.members is None else g.members for g in groups]
+        steps = [
+            self._step(ops, g, energy[:, at], action[:, at], data[:, at], island[:, at])
+            for g, at in zip(groups, members, strict=True)
+        ]
+        place = np.argsort(np.concatenate(members))
+
+        def joined(name: str) -> Floats:
+            return np.concatenate([getattr(step, name) for step in steps], axis=-1)[..., place]
+
+        names = ("energy", "cost", "charge", "discharge", "spill")
+        return Step(*(joined(name) for name in names), lambda: joined("flows"))
+
+    def _step(
+        self,
+        ops: ArrayOps,
+        paid: Prices,
+        energy: Floats,
+        action: Floats,
+        data: Floats,
+        island: Ints,
+    ) -> Step:
+        """One step of members of equal prices."""
+        prices, storage_prices = paid.sources, paid.storage
         charge, discharge = self.masked_action(ops, energy, action, data)
         batch = _Batch.build(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]

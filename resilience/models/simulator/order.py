@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array, ArrayOps
-from resilience.models.simulator.constants import Constant, Map
+from resilience.models.simulator.constants import Map, Matrix
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW
 
@@ -79,13 +79,13 @@ class Priced:
         order: the tiers.
         lowest_cost: from data to (1,), the cost of all sources at their lowest, $.
         value: (tiers,) $ per MW drawn from a tier.
-        prices: (columns,) $ per MW of every source.
+        prices: (1, columns) $ per MW of every source.
     """
 
     order: Order
     lowest_cost: Map
     value: tuple[float, ...]
-    prices: Constant
+    prices: Matrix
 
 
 def compiled_order(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Order:
@@ -126,7 +126,7 @@ def priced_order(plant: Plant, order: Order, prices: Floats, value: Floats) -> P
     moving = prices @ order.lowest.coefficients + form.offset_data
     constant = np.array([prices @ order.lowest.constant + form.offset])
     lowest_cost = Map(constant, sp.csr_array(moving[None, :]))
-    return Priced(order, lowest_cost, tuple(value.tolist()), Constant(prices))
+    return Priced(order, lowest_cost, tuple(value.tolist()), Matrix(sp.csr_array(prices[None, :])))
 
 
 def _scaled(x: Map, matrix: sp.sparray) -> Map:

@@ -10,13 +10,13 @@ Nothing of a device is written here:
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
-from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
@@ -26,6 +26,21 @@ from resilience.models.simulator.constants import Constant, Map, Matrix
 
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")
+
+
+@dataclass(frozen=True)
+class Prices:
+    """Prices that some members of a batch have in common, $ per MW and step.
+
+    Attributes:
+        members: (members,) which they are; None: all of them.
+        sources: (columns,).
+        storage: (2, units) of charging and of discharging.
+    """
+
+    members: Ints | None
+    sources: Floats
+    storage: Floats
 
 
 class Plant:
@@ -143,25 +158,27 @@ class Plant:
             stacked[block.slice] = data[block.name]
         return stacked
 
-    def prices(self, data: Array) -> tuple[Floats, Floats]:
-        """(columns,) and (2, units) $ per MW and step: of the sources, of charging, discharging.
-
-        Raises:
-            UsageError: they differ within the batch.
+    def prices(self, data: Array) -> list[Prices]:
+        """What the members of a batch pay: one entry for all where prices are equal, else as many
+        as there are different prices. Reads the data back from their device.
         """
         ops = array_ops(data)
-        if len(self._moving):
-            moving = ops.as_numpy(data[self._moving])
-            if (moving != moving[:, :1]).any():
-                raise UsageError(
-                    "prices differ within a batch", hint="step scenarios of the same slot together"
-                )
-        first = np.asarray(ops.as_numpy(data[:, 0]), float)
+        moving = ops.as_numpy(data[self._moving])
+        if (moving == moving[:, :1]).all():
+            return [self._prices(ops.as_numpy(data[:, 0]), None)]
+        _, first, group = np.unique(moving, axis=1, return_index=True, return_inverse=True)
+        return [
+            self._prices(ops.as_numpy(data[:, k]), np.flatnonzero(group.ravel() == number))
+            for number, k in enumerate(first.tolist())
+        ]
+
+    def _prices(self, data: Floats, members: Ints | None) -> Prices:
+        data = np.asarray(data, float)
         sources, *storage = (
-            price.constant + price.coefficients @ first
+            price.constant + price.coefficients @ data
             for price in (self.price, *self.storage_price)
         )
-        return sources, np.array(storage)
+        return Prices(members, sources, np.array(storage))
 
     def limits(self, energy: Array, data: Array) -> tuple[Array, Array]:
         """(units, batch) lowest and highest charging power, MW, that keep every unit in its band.

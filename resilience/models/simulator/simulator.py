@@ -13,12 +13,13 @@ spilled. So every state has an outcome:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
+import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
@@ -26,11 +27,13 @@ from resilience.models.algebra import Labels
 from resilience.models.components import in_roles
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
+from resilience.models.simulator.constants import Matrix
 from resilience.models.simulator.merit import fill, merit_order
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.order import Order, Priced, compiled_order, priced_order
 from resilience.models.simulator.paper import check_paper, paper_fill, paper_tiers
 from resilience.models.simulator.plant import Plant
+from resilience.models.simulator.prices import PricedBatch, PriceGroup, Way, priced_batch
 from resilience.models.simulator.refusals import refuse
 from resilience.tolerances import POWER_TOLERANCE_MW
 
@@ -71,7 +74,7 @@ class _Closed(NamedTuple):
     """What closing every island by one order leads to.
 
     Attributes:
-        cost, charge, discharge, spill: as in `Step`, storage not yet priced.
+        cost, charge, discharge, spill: as in `Step`; storage is priced last.
         flows: what works out the power of every source.
     """
 
@@ -128,43 +131,80 @@ class Simulator(Plant):
         self._blocks: Ints = np.flatnonzero([name in blocks for name in self.columns])
         self._orders: dict[bytes, Order] = {}
         self._priced_orders: dict[bytes, list[Priced]] = {}
+        self._rows: dict[bytes, Matrix] = {}
 
     @property
     def heuristic(self) -> Labels:
         """Sources that are decided greedily: blocks. Without any, a step is the optimum."""
         return tuple(self.columns[k] for k in self._blocks)
 
-    def step(self, energy: Array, action: Array, data: Array, island: Array) -> Step:
-        """One step.
+    def priced(self, data: Array) -> PricedBatch:
+        """What a step needs to know of the prices in `data`, for whoever steps them repeatedly.
+
+        It reads prices back from their device; a step that is given it does not.
+        """
+        by_price = self.recourse == "paper"
+        return priced_batch(
+            array_ops(data), data, self.prices(data), self._in_order, self._row, apart=by_price
+        )
+
+    def step(
+        self,
+        energy: Array,
+        action: Array,
+        data: Array,
+        island: Array,
+        priced: PricedBatch | None = None,
+    ) -> Step:
+        """One step. Members of different prices, as of different slots, do as if they were alone.
 
         Args:
             energy: (units, batch) stored energy, MWh.
             action: (units, batch) charging power requested, MW; negative is discharging.
             data: (n_data, batch) or (n_data, 1) from `stacked`, of the kind of `energy`.
             island: (buses, batch) number of the island of every bus.
-
-        Raises:
-            UsageError: prices differ within the batch.
+            priced: from `priced(data)`; worked out if omitted.
         """
-        ops = array_ops(energy)
-        prices, storage_prices = self.prices(data)
+        ops, batch = array_ops(energy), energy.shape[-1]
+        priced = priced or self.priced(data)
         request = self.masked_action(ops, energy, action, data)
-        orders = self._in_order(prices)
-        closed, *alternatives = [self._closed(order, request, data, island) for order in orders]
-        if alternatives:
-            closed = _nearest(ops, request, closed, alternatives)
+        if priced.place is None:
+            closed = self._grouped(priced.groups[0], request, data, island)
+        else:
+            wide = ops.wide(data, batch)
+            parts = [
+                self._grouped(
+                    group,
+                    (request[0][:, group.members], request[1][:, group.members]),
+                    wide[:, group.members],
+                    island[:, group.members],
+                )
+                for group in priced.groups
+            ]
+            closed = _side_by_side(ops, parts, priced.place)
         cost, charge, discharge, spill, flows = closed
-        for price, power in zip(storage_prices, (charge, discharge), strict=True):
-            if price.any():
-                cost = cost + ops.array(price) @ power
         return Step(self.after(energy, charge, discharge), cost, charge, discharge, spill, flows)
 
+    def _grouped(
+        self, group: PriceGroup, request: tuple[Array, Array], data: Array, island: Array
+    ) -> _Closed:
+        """Every island of some members closed in the way that is nearest, storage priced."""
+        ops = array_ops(request[0])
+        closed, *others = [self._closed(way, request, data, island) for way in group.ways]
+        if others:
+            closed = _nearest(ops, request, closed, others)
+        cost = closed.cost
+        for price, power in zip(group.storage, (closed.charge, closed.discharge), strict=True):
+            if price is not None:
+                cost = cost + (price.as_matrix(ops) @ power)[0]
+        return closed._replace(cost=cost)
+
     def _closed(
-        self, priced: Priced, request: tuple[Array, Array], data: Array, island: Array
+        self, way: Way, request: tuple[Array, Array], data: Array, island: Array
     ) -> _Closed:
         """Every island closed by one order, storage doing what is requested or less."""
         charge, discharge = request
-        ops, batch, order = array_ops(charge), charge.shape[-1], priced.order
+        ops, batch, order = array_ops(charge), charge.shape[-1], way.order
         need, room = order.need_and_room(ops.wide(order.map(ops, data), batch))
         need = ops.island_sums(self._with_storage(ops, need, charge - discharge), island)
         room = ops.island_sums(room, island)
@@ -173,11 +213,16 @@ class Simulator(Plant):
             charge, need = self._cut_back(ops, charge, need, island, 1.0)
             discharge, need = self._cut_back(ops, discharge, need, island, -1.0)
         flows = partial(order.flows, ops, drawn, room, data, island)
-        cost = priced.lowest_cost(ops, data)[0]
-        if self.recourse == "paper":
-            cost = cost + priced.prices.as_array(ops) @ (flows() - order.lowest(ops, data))
+        cost = way.lowest_cost
+        if way.prices is not None and self.recourse == "paper":
+            moved = flows() - order.lowest(ops, data)
+            cost = cost + (way.prices.as_matrix(ops) @ moved)[0]
         else:
-            spent = [value * mw for value, mw in zip(priced.value, drawn, strict=True) if value]
+            spent = [
+                value * mw
+                for value, mw in zip(way.value, drawn, strict=True)
+                if not isinstance(value, float) or value
+            ]
             cost = cost + (sum(spent[1:], spent[0]) if spent else need * 0.0).sum(0)
         return _Closed(cost, charge, discharge, ops.positive(-need), flows)
 
@@ -224,6 +269,15 @@ class Simulator(Plant):
             self._priced_orders[key] = in_order
         return in_order
 
+    def _row(self, prices: Floats) -> Matrix | None:
+        """Prices (units,) as a row, None where all are 0; its sums are the same in any batch."""
+        key = prices.tobytes()
+        if key not in self._rows and prices.any():
+            if len(self._rows) >= MAX_ORDERS:
+                self._rows.clear()
+            self._rows[key] = Matrix(sp.csr_array(prices[None, :]))
+        return self._rows.get(key)
+
     def _order(self, tier: Ints, block: np.ndarray, closed: np.ndarray) -> Order:
         key = tier.tobytes() + closed.tobytes()
         order = self._orders.get(key)
@@ -253,6 +307,22 @@ def _nearest(
         )
         deviation = ops.where(better, its_deviation, deviation)
     return best
+
+
+def _side_by_side(ops: ArrayOps, parts: Sequence[_Closed], place: Array) -> _Closed:
+    """Groups joined, every member in its place."""
+
+    def joined(arrays: Iterable[Array]) -> Array:
+        return ops.beside(list(arrays))[..., place]
+
+    cost, charge, discharge, spill, flows = zip(*parts, strict=True)
+    return _Closed(
+        joined(cost),
+        joined(charge),
+        joined(discharge),
+        joined(spill),
+        lambda: joined(work_out() for work_out in flows),
+    )
 
 
 def _either(ops: ArrayOps, first: Array, x: Callable[[], Array], y: Callable[[], Array]) -> Array:

@@ -217,7 +217,7 @@ def test_the_memory_of_outages_starts_anew_at_midnight(world: World) -> None:
         memory.update(
             Observation(
                 t, blank, up, blank.astype(np.intp), np.zeros(3, int), world.forecast(0), blank
-            )  # fmt: skip
+            )
         )
 
     notice(40, np.array([0]))

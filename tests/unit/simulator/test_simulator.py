@@ -17,7 +17,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.testing import small_case
-from tests.stepping import assert_sound, scene
+from tests.stepping import Scene, assert_sound, scene
 
 
 @pytest.fixture(scope="module")
@@ -106,12 +106,39 @@ def test_a_copy_sent_to_another_process_steps_alike(microgrid: Microgrid, kind: 
     np.testing.assert_allclose(ours.energy, theirs.energy, atol=1e-9)
 
 
-def test_prices_must_agree_within_a_batch(simulator: Simulator) -> None:
-    seen = scene(simulator, 2, np.random.default_rng(5))
+def with_prices(simulator: Any, seen: Scene, rng: np.random.Generator) -> Scene:
+    """Members that pay three import prices: two that order sources alike, one above generators."""
     block = next(b for b in simulator.form.stage.datums if b.name == "grid.import_price")
-    seen.data[block.start] = [0.3, 0.4]
-    with pytest.raises(rs.UsageError, match="within a batch"):
-        simulator.step(*seen.all)
+    seen.data[block.start] = rng.choice([0.31, 0.43, 7.0], seen.data.shape[1])
+    return seen
+
+
+@pytest.mark.parametrize("recourse", ["economic", "paper"])
+def test_members_of_different_prices_do_as_if_they_were_alone(
+    microgrid: Microgrid, recourse: Any
+) -> None:
+    simulator, rng = Simulator(microgrid, 0.25, recourse), np.random.default_rng(5)
+    seen = with_prices(simulator, scene(simulator, 60, rng), rng)
+    groups = simulator.priced(seen.data).groups
+    assert len(groups) == (2 if recourse == "economic" else 3)
+    whole = simulator.step(*seen.all)
+    again = simulator.step(*seen.all, simulator.priced(seen.data))
+    for k in range(60):
+        one = simulator.step(*seen.of(k))
+        for step in (whole, again):
+            np.testing.assert_array_equal(step.cost[[k]], one.cost)
+            for name in ("energy", "charge", "discharge", "spill", "flows"):
+                np.testing.assert_array_equal(getattr(step, name)[:, [k]], getattr(one, name))
+
+
+def test_members_of_different_prices_have_networks_of_their_own(microgrid: Microgrid) -> None:
+    simulator, rng = NetworkSimulator(microgrid, 0.25), np.random.default_rng(6)
+    seen = with_prices(simulator, scene(simulator, 12, rng), rng)
+    whole = simulator.step(*seen.all)
+    for k in range(12):
+        one = simulator.step(*seen.of(k))
+        np.testing.assert_allclose(whole.cost[[k]], one.cost, atol=1e-9)
+        np.testing.assert_allclose(whole.energy[:, [k]], one.energy, atol=1e-9)
 
 
 @pytest.mark.parametrize("recourse", ["economic", "paper"])
