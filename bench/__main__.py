@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.dispatchers import deciding, quality
+from bench.ground import ground
 from bench.growth import growing
 from bench.hazard import hazards
 from bench.judging import judging
@@ -41,6 +42,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "simulator": stepping,
     "peer": peers,
     "dispatch": deciding,
+    "ground": ground,
     "sddp": training,
     "judging": judging,
     "quality": quality,

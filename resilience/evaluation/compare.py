@@ -71,7 +71,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     Args:
         case: a case, its file, or the name of an installed one.
         methods: names from `DISPATCHERS`, `METHOD:RUN` for a trained policy, or names with a
-            function from a `Setting` to a dispatcher; rule 0.9 and the clairvoyant are always there.
+            function from a `Setting` to a dispatcher; rule 0.9 and the clairvoyant always act.
         days: days of an episode, the last ones of the profiles, 16 if omitted. A case with a storm
             keeps its own horizon, on which the storm is laid.
         draws: how many outage paths; every one is an episode.

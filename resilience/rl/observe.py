@@ -16,7 +16,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case.schema import GridTable
 from resilience.dispatch.memory import Memory
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.setting import Setting
 
 HOURS_EXACT = 2.0  # ahead in which every slot is seen; beyond, every hour
@@ -57,6 +57,7 @@ class Observer:
         self._read_devices()
         self._read_storage()
         self.blocks = self._blocks()
+        self._known: dict[int, Floats] = {}
         scales = [block.scale for block in self.blocks[1:]]
         self._per_scale = 1.0 / np.concatenate([np.array(scale) for scale in scales])[:, None]
 
@@ -135,13 +136,13 @@ class Observer:
         text = json.dumps([(b.name, b.labels, b.scale) for b in self.blocks])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def seen(self, observation: Observation) -> Floats:
+    def seen(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
         energy = observation.energy.astype(np.float32)
         world = self.world(observation).astype(np.float32)
         return np.concatenate([self.storage(energy), world]).T
 
-    def storage(self, energy: Floats) -> Floats:
+    def storage(self, energy: np.ndarray) -> np.ndarray:
         """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
         low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
         return (energy - low) / width
@@ -155,24 +156,45 @@ class Observer:
         clock = self.memory.clock(t)
         down_h = np.where(up, 0.0, clock - self.memory.since + 1) * case.step_h
         slots = t + self.ahead
-        profiles = [observation.forecast(name, slots) for name in self.names]
-        now = [profile[:1] for profile in profiles]
+        now = [observation.forecast(name, slots[:1]) for name in self.names]
         demand, supply = self._demand[self._buses], self._supply[self._buses]
-        net = _weighted(demand - supply, profiles)
-        price = [observation.forecast(name, slots) for name in self.prices]
+        ahead = self._ahead(observation.forecast, slots, batch)
+        net, price = ahead[:, : len(self._buses)], ahead[:, len(self._buses) :]
         parts = [
             up,
             down_h,
             self.memory.spent,
             np.repeat(self._clock(t)[:, None], batch, axis=1),
             self._centre(t, observation.centre),
-            _weighted(demand, now)[0],
-            _weighted(supply, now)[0],
+            _weighted(demand, now, 1, batch)[0],
+            _weighted(supply, now, 1, batch)[0],
             net.reshape(-1, batch),
-            *price,
+            price.swapaxes(0, 1).reshape(-1, batch),
         ]
         world: Floats = np.concatenate(parts)
         return np.multiply(world, self._per_scale, out=world)
+
+    def _ahead(self, forecast: Forecast, slots: Ints, batch: int) -> Floats:
+        """(slots, buses + prices, batch) net demand in MW, and prices, that are forecast.
+
+        A forecast without errors says of a slot what it said before, so that is worked out once.
+        """
+        if self.setting.error_correlation is not None:
+            return self._foreseen(forecast, slots, batch)
+        known = {s: values for s, values in self._known.items() if s >= slots[0]}
+        new = [s for s in slots.tolist() if s not in known]
+        if new:
+            known |= zip(new, self._foreseen(forecast, np.array(new), batch), strict=True)
+        self._known = known
+        return np.array([known[s] for s in slots.tolist()])
+
+    def _foreseen(self, forecast: Forecast, slots: Ints, batch: int) -> Floats:
+        net = (self._demand - self._supply)[self._buses]
+        matrix = np.zeros((len(net) + len(self.prices), net.shape[1] + len(self.prices)))
+        matrix[: len(net), : net.shape[1]] = net
+        matrix[len(net) :, net.shape[1] :] = np.eye(len(self.prices))
+        profiles = [forecast(name, slots) for name in (*self.names, *self.prices)]
+        return _weighted(matrix, profiles, len(slots), batch)
 
     def _clock(self, t: int) -> Floats:
         case = self.setting.case
@@ -187,11 +209,10 @@ class Observer:
         return np.stack([known * 1.0, np.where(known, hours, 0.0)])
 
 
-def _weighted(matrix: Floats, profiles: list[Floats]) -> Floats:
+def _weighted(matrix: Floats, profiles: list[Floats], slots: int, batch: int) -> Floats:
     """(slots, rows, batch) sums of profiles (slots, batch), term by term: the bits of a product
     would depend on the size of the batch.
     """
-    slots, batch = profiles[0].shape
     total = np.zeros((slots, len(matrix), batch))
     for row, column in np.argwhere(matrix):
         total[:, row] += matrix[row, column] * profiles[column]

@@ -87,8 +87,14 @@ class NetworkSimulator(Plant):
         def joined(name: str) -> Floats:
             return np.concatenate([getattr(step, name) for step in steps], axis=-1)[..., place]
 
-        names = ("energy", "cost", "charge", "discharge", "spill")
-        return Step(*(joined(name) for name in names), lambda: joined("flows"))
+        return Step(
+            energy=joined("energy"),
+            cost=joined("cost"),
+            charge=joined("charge"),
+            discharge=joined("discharge"),
+            spill=joined("spill"),
+            _flows=lambda: joined("flows"),
+        )
 
     def _step(
         self,
