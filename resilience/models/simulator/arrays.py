@@ -309,8 +309,10 @@ class TorchOps:
 
     @staticmethod
     def positive_up_to(x: torch.Tensor, limit: torch.Tensor) -> torch.Tensor:
-        """min(max(x, 0), limit), as wide as x."""
-        return x.clamp(min=0.0).minimum(limit)
+        """min(max(x, 0), limit), as wide as x. The gradient is that of x up to the limit itself,
+        and none where there is nothing to give: `minimum` would halve it between equals.
+        """
+        return x.clamp(min=0.0).where((x <= limit) & (limit > 0.0), limit)
 
     @staticmethod
     def clipped(x: torch.Tensor, *limits: torch.Tensor) -> torch.Tensor:

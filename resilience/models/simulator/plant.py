@@ -195,12 +195,15 @@ class Plant:
     ) -> tuple[Array, Array]:
         """(units, batch) charging and discharging power, MW: the action within `limits`.
 
-        Discharging is what the action asks for beyond charging, so that at zero the gradient is
-        that of charging alone, one of the two one-sided ones and not their sum.
+        Charging is what the action asks for beyond discharging, so that at zero the gradient is
+        that of discharging alone, one of the two one-sided ones and not their sum. In an island
+        that sheds all it has, only this one tells that storage helps.
         """
         limits = [limit(ops, data) for limit in self.power_max]
-        charge = ops.clipped(self._room(ops, energy), action, limits[0])
-        return charge, ops.clipped(self._stock(ops, energy), charge - action, limits[1])
+        room = ops.clipped(self._room(ops, energy), limits[0])
+        stock = ops.clipped(self._stock(ops, energy), limits[1])
+        discharge = ops.positive_up_to(-action, stock)
+        return ops.positive_up_to(action + discharge, room), discharge
 
     def _room(self, ops: ArrayOps, energy: Array) -> Array:
         """(units, batch) charging power that fills the unit, MW."""

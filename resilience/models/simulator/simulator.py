@@ -243,9 +243,13 @@ class Simulator(Plant):
     def _cut_back(
         self, ops: ArrayOps, power: Array, need: Array, island: Array, sign: float
     ) -> tuple[Array, Array]:
-        """Charging cut back by a deficit (sign 1), discharging by a surplus (sign -1), pro rata."""
+        """Charging cut back by a deficit (sign 1), discharging by a surplus (sign -1), pro rata.
+
+        Where nothing is missing no gradient passes: half of one would, of two zeros' minimum.
+        """
         total = ops.island_sums(self._with_storage(ops, need * 0.0, power), island)
-        cut = ops.positive_up_to(sign * need, total)
+        beyond = sign * need
+        cut = ops.where(beyond > 0.0, ops.minimum(beyond, total), need * 0.0)
         share = ops.at_buses(
             cut / ops.maximum(total, ops.array(np.array(POWER_TOLERANCE_MW))), island
         )

@@ -63,11 +63,19 @@ def test_training_days_end_where_test_days_may_begin() -> None:
     assert training(case).window.time(46 * 96) == held_out(case, 16).start
 
 
+def hourly(slots: int) -> rs.Case:
+    """A load on a grid."""
+    return small_case(
+        slots=slots,
+        load=[{"p_max_mw": 1.3, "shed_cost_per_mwh": 5.0}],
+        grid=[{"import_max_mw": 4.0, "import_cost_per_mwh": 0.15}],
+    )
+
+
 def test_a_case_without_a_file_trains_on_what_precedes_its_last_quarter() -> None:
-    case = small_case(slots=5 * 24, step_min=60.0, load=[{"p_max_mw": 1.3}])
-    assert training(case).slots == 3 * 24
+    assert training(hourly(5 * 24)).slots == 3 * 24
     with pytest.raises(rs.UsageError, match="allowed: a day or more before it"):
-        training(small_case(slots=24, step_min=60.0, load=[{"p_max_mw": 1.3}]))
+        training(hourly(24))
 
 
 def test_a_storm_keeps_its_horizon_and_forgets_the_outages_to_plan_for() -> None:

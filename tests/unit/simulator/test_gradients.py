@@ -86,7 +86,7 @@ def test_at_no_action_the_gradient_lies_between_both_sides(recourse: Any) -> Non
     left, right = differences(plant, slots, action)
     low, high = np.minimum(left, right), np.maximum(left, right)
     idle = action == 0.0
-    assert (high - low)[idle].max() > 0.1
+    assert np.median((high - low)[idle]) > 0.04  # wear of 0.2 $ per MWh and 0.25 h, at least
     found = gradient(plant, slots, action)
     outside = np.maximum(low - found, found - high)[idle]
     assert outside.max() < 1e-6
