@@ -31,7 +31,7 @@ def judging() -> Iterator[Row]:
     note = f"{case.slots:,} slots, once {single:.2f} s for the first"
     yield below(f"clairvoyant bound, {DAYS} days, a further draw", further, 1.0, "s", note)
     idle = timed(lambda: simulate(worlds[1], Idle(worlds[1].setting)))[0]
-    make = partial(DISPATCHERS["mpc-blind"], worlds[1])
+    make = partial(DISPATCHERS["mpc-blind"], worlds[1].setting)
     blind = timed(lambda: simulate(worlds[1], make()))[0]
     note = f"{idle:.2f} s without decisions, {blind:.2f} s with those of mpc-blind"
     yield below("an episode's share apart from decisions", idle / blind, MAX_SHARE, "", note)

@@ -22,8 +22,8 @@ def simulator(case: str = "ieee33-tou") -> Simulator:
 
 def at_the_edges(seen: Scene, plant: Simulator, rng: np.random.Generator) -> Scene:
     """A third of the units full or empty, or all but."""
-    edges = np.stack([np.broadcast_to(x, seen.energy.shape) for x in (plant.low, plant.high)])
-    chosen = np.where(rng.random(seen.energy.shape) < 0.5, *edges)
+    is_low = rng.random(seen.energy.shape) < 0.5
+    chosen = np.where(is_low, plant.low, plant.high)
     chosen += rng.choice([0.0, 1e-13, -1e-13], seen.energy.shape)
     on_edge = rng.random(seen.energy.shape) < 0.33
     seen.energy[on_edge] = np.clip(chosen, plant.low, plant.high)[on_edge]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,13 +25,13 @@ def ground(band: str = "anchors", baseline: str = "rule") -> BatchEnv:
     return BatchEnv(sampler(), band, baseline, dtype=torch.float64)
 
 
-def any_start(env: BatchEnv, n: int, seed: int = 4) -> torch.Tensor:
+def any_start(env: BatchEnv, n: int, seed: int = 4) -> Any:
     low, high = env.simulator.low, env.simulator.high
     share = np.random.default_rng(seed).random((env.units, n))
     return env.tensor(low + (high - low) * share)
 
 
-def rewards(env: BatchEnv, tape: Tape, start: torch.Tensor, *, agents: bool = False):
+def rewards(env: BatchEnv, tape: Tape, start: Any, *, agents: bool = False):
     """Rewards of every slot under outputs drawn at random, the cost of it all, and what is left."""
     rng = np.random.default_rng(11)
     baseline, energy, cost, gained = env.baseline_cost(tape, start), start, 0.0, []

@@ -99,7 +99,7 @@ def test_nothing_that_comes_later_is_seen() -> None:
         assert (both[0] != both[1]).any()
 
 
-def played(env: BatchEnv, tape: Any, start: torch.Tensor) -> tuple[Floats, Floats]:
+def played(env: BatchEnv, tape: Any, start: Any) -> tuple[Floats, Floats]:
     """(batch,) $ of episodes, and (units, slots, batch) MW asked for: first down, then anything."""
     rng = np.random.default_rng(3)
     energy, cost, asked = start, torch.zeros(tape.n, dtype=env.dtype), []

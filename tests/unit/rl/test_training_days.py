@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from resilience.rl.trainer import Row, Training, TrainingOptions  # noqa: E402
 from resilience.testing import small_case  # noqa: E402
 
 
-def weights(case: rs.Case) -> dict[str, torch.Tensor]:
+def weights(case: rs.Case) -> dict[str, Any]:
     """What two iterations and a validation make of a network."""
     rows: list[Row] = []
     options = TrainingOptions(
