@@ -312,7 +312,8 @@ class TorchOps:
         """min(max(x, 0), limit), as wide as x. The gradient is that of x up to the limit itself,
         and none where there is nothing to give: `minimum` would halve it between equals.
         """
-        return (x.clamp(min=0.0) * (limit > 0.0)).where(x <= limit, limit)
+        wanted = x.clamp(min=0.0)
+        return (wanted * (limit > 0.0)).where(wanted <= limit, limit)
 
     @staticmethod
     def clipped(x: torch.Tensor, *limits: torch.Tensor) -> torch.Tensor:

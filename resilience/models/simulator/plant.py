@@ -64,7 +64,10 @@ class Plant:
         price: map from data to (columns, batch) $ per MW and step.
         storage_price: maps from data to (units, batch) $ per MW and step, likewise for both.
         stored: columns of the form in which charging and discharging stand, (units,) each.
+        charges_at_zero: which one-sided gradient an order of zero has.
     """
+
+    charges_at_zero = False
 
     def __init__(self, microgrid: Microgrid, dt: float) -> None:
         self.microgrid, self.dt = microgrid, dt
@@ -195,13 +198,16 @@ class Plant:
     ) -> tuple[Array, Array]:
         """(units, batch) charging and discharging power, MW: the action within `limits`.
 
-        Charging is what the action asks for beyond discharging, so that at zero the gradient is
-        that of discharging alone, one of the two one-sided ones and not their sum. In an island
-        that sheds all it has, only this one tells that storage helps.
+        At zero the gradient is that of one side alone, not the sum of both: of discharging, which
+        in an island that sheds all it has tells that storage helps, or, where `charges_at_zero`,
+        of charging.
         """
         limits = [limit(ops, data) for limit in self.power_max]
         room = ops.clipped(self._room(ops, energy), limits[0])
         stock = ops.clipped(self._stock(ops, energy), limits[1])
+        if self.charges_at_zero:
+            charge = ops.positive_up_to(action, room)
+            return charge, ops.positive_up_to(charge - action, stock)
         discharge = ops.positive_up_to(-action, stock)
         return ops.positive_up_to(action + discharge, room), discharge
 

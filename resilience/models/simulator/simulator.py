@@ -122,6 +122,7 @@ class Simulator(Plant):
         self.recourse = recourse
         if recourse == "paper":
             check_paper(self)
+            self.charges_at_zero = True  # generators run for the load, so discharging is cut back
         blocks = {
             f"{fleet.shed}[{name}]"
             for fleet in in_roles(microgrid.fleets.values(), "load")

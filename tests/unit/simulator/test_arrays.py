@@ -42,6 +42,8 @@ OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
     "wide": (lambda ops, x: ops.wide(x, 6), (COLUMN,)),
     "island_sums": (lambda ops, x, island: ops.island_sums(x, island), (LAYERS, ISLAND)),
     "at_buses": (lambda ops, x, island: ops.at_buses(x, island), (LAYERS, ISLAND)),
+    "index": (lambda ops, x: x[:, ops.index(np.array([4, 1]))], (X,)),
+    "beside": (lambda ops, x, y: ops.beside([x, y]), (X, COLUMN)),
     "rows": (lambda ops, x: ops.rows(x, np.array([2, 0, 2])), (X,)),
     "may_exceed": (lambda ops, x: x + float(ops.may_exceed(x, 0.1)), (X,)),
     "as_numpy": (lambda ops, x: x + ops.array(ops.as_numpy(x)), (X,)),
