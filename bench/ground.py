@@ -11,6 +11,7 @@ from resilience.case import load_case
 
 if TYPE_CHECKING:
     from resilience.rl.env import BatchEnv, Tape
+    from resilience.simulation.slots import Slot
 
 TURNS = 5
 TARGETS = {("affine", 1024): (1.5e6, 0.5e6), ("affine", 1): (3e3, None)}  # without draws, with
@@ -35,7 +36,8 @@ def _of_band(env: BatchEnv, batch: int) -> Iterator[Row]:
     tape, steps = env.draw(batch, 0), batch * 96
     playing = least_cpu(lambda: _played(env, tape))
     drawing = least_cpu(lambda: env.draw(batch, 1))
-    alone = least_cpu(lambda: _stepped(env, tape))
+    slots = [tape.episodes.slot(t) for t in range(tape.slots)]
+    alone = least_cpu(lambda: _stepped(env, slots))
     note = f"{playing / alone:.1f} times what the steps alone take in NumPy"
     least, with_draws = TARGETS.get((env.band_name, batch), (None, None))
     name = f"training ground, {env.band_name}, batch {batch}"
@@ -64,11 +66,10 @@ def least_cpu(call: Callable[[], object]) -> float:
     return min(seconds)
 
 
-def _stepped(env: BatchEnv, tape: Tape) -> None:
+def _stepped(env: BatchEnv, slots: list[Slot]) -> None:
     """The slots of a batch, stepped in NumPy with no action at all."""
-    energy = env.setting.start()[:, :1].repeat(tape.n, axis=1)
-    for t in range(tape.slots):
-        slot = tape.episodes.slot(t)
+    energy = env.setting.start()[:, :1].repeat(slots[0].island.shape[1], axis=1)
+    for slot in slots:
         energy = env.simulator.step(energy, 0.0 * energy, slot.stacked, slot.island).energy
 
 

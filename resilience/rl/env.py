@@ -171,8 +171,8 @@ class BatchEnv:
         return tape.now(t) if slot is usual else self._on_device(slot)
 
     def _on_device(self, slot: Slot) -> Now:
-        data = self.tensor(slot.stacked)
-        island = torch.as_tensor(slot.island, device=self.device)
+        data = self.tensor(np.require(slot.stacked, requirements="W"))
+        island = torch.as_tensor(np.require(slot.island, requirements="W"), device=self.device)
         needs = None
         if isinstance(self.band, AnchorBand):
             needs = self.band.anchors.needs(data, island)

@@ -313,6 +313,8 @@ class TorchOps:
         and none where there is nothing to give: `minimum` would halve it between equals.
         """
         wanted = x.clamp(min=0.0)
+        if not (x.requires_grad or limit.requires_grad):
+            return wanted.minimum(limit)
         return (wanted * (limit > 0.0)).where(wanted <= limit, limit)
 
     @staticmethod
