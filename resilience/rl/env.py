@@ -16,13 +16,14 @@ import torch
 from resilience.arrays import Floats
 from resilience.dispatch.anchors import Anchors, Needs
 from resilience.errors import UsageError
+from resilience.models.components import in_roles
 from resilience.models.simulator import Simulator
 from resilience.models.simulator.arrays import array_ops
 from resilience.models.simulator.prices import PricedBatch
 from resilience.models.simulator.simulator import Step
 from resilience.rl.bands import AnchorBand, Band, band
 from resilience.rl.episodes import Episodes, EpisodeSampler
-from resilience.rl.observe import Observer
+from resilience.rl.observers import observer
 from resilience.simulation.slots import Slot
 
 Baseline = Literal["none", "idle", "rule"]
@@ -90,6 +91,7 @@ class BatchEnv:
             rewards tell what was decided from what the day costs anyway.
         device: where tensors live.
         dtype: their number type.
+        observer_name: what is seen, see `observers.OBSERVERS`.
 
     Raises:
         UsageError: a microgrid whose step has no gradient.
@@ -102,6 +104,7 @@ class BatchEnv:
         baseline: str = "rule",
         device: str = "cpu",
         dtype: torch.dtype = torch.float32,
+        observer_name: str = "full",
     ) -> None:
         setting = sampler.setting
         if not isinstance(setting.simulator, Simulator):
@@ -117,7 +120,7 @@ class BatchEnv:
             )
         self.sampler = sampler
         self.setting, self.simulator = setting, setting.simulator
-        self.band_name, self.baseline = band_name, baseline
+        self.band_name, self.baseline, self.observer_name = band_name, baseline, observer_name
         self.band: Band = band(band_name, self.simulator)
         self.device, self.dtype = torch.device(device), dtype
         self._anchors = Anchors(self.simulator)
@@ -131,7 +134,7 @@ class BatchEnv:
     @cached_property
     def size(self) -> int:
         """Numbers of an observation, storage included."""
-        return Observer(self.setting).size
+        return observer(self.observer_name, self.setting).size
 
     @property
     def units(self) -> int:
@@ -144,13 +147,13 @@ class BatchEnv:
 
     def tape(self, episodes: Episodes) -> Tape:
         """A batch, ready to be played as often as one likes."""
-        observer = Observer(episodes.setting)
+        eyes = observer(self.observer_name, episodes.setting)
         full = np.repeat(self.simulator.high, episodes.n, axis=1)
         shape = (episodes.slots, episodes.n, self.size - self.units)
         now, seen = [], torch.empty(shape, dtype=self.dtype, device=self.device)
         for t in range(episodes.slots):
             now.append(self._on_device(episodes.slot(t)))
-            seen[t] = self.tensor(observer.world(episodes.observation(t, full))).T
+            seen[t] = self.tensor(eyes.world(episodes.observation(t, full))).T
         data, island, needs, priced = zip(*now, strict=True)
         return Tape(
             episodes,
@@ -180,7 +183,11 @@ class BatchEnv:
 
     def observe(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
         """(batch, numbers) what is seen in slot t with this much stored, (units, batch) MWh."""
-        return torch.cat([((energy - self._low) / self._range).T, tape.seen[t]], 1)
+        return self.with_storage(energy, tape.seen[t])
+
+    def with_storage(self, energy: torch.Tensor, world: torch.Tensor) -> torch.Tensor:
+        """(batch, numbers) observations from what is stored and what is seen of the world."""
+        return torch.cat([((energy - self._low) / self._range).T, world], 1)
 
     def power(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
         """(units, batch) MW that outputs (batch, units) in [-1, 1] ask for."""
@@ -257,6 +264,12 @@ class BatchEnv:
         if self.is_last(tape, t):
             cost = cost - self.setting.end_value_per_mwh * step.energy
         return baseline_cost[t] - cost
+
+    def largest_power(self) -> torch.Tensor:
+        """(units, 1) MW, the most that a unit can charge or discharge."""
+        storage = in_roles(self.setting.microgrid.fleets.values(), "storage")
+        size = np.concatenate([np.empty(0), *(fleet.size_mw() for fleet in storage)])
+        return self.tensor(size[:, None])
 
     def start(self, n: int) -> torch.Tensor:
         """(units, n) MWh, as the case starts."""

@@ -84,19 +84,32 @@ class Average:
                 self.weights[name].lerp_(value, 1.0 - decay)
 
 
-def network(about: Mapping[str, Any], inputs: int, units: int) -> nn.Module:
-    """A network that acts, from what `Learner.network` says of it; its weights are yet to come.
+def network(
+    about: Mapping[str, Any],
+    inputs: int,
+    units: int,
+    generator: torch.Generator | None = None,
+) -> nn.Module:
+    """A network that acts, from what `Learner.network` says of it.
 
     Args:
         about: its kind and sizes.
         inputs: numbers of an observation.
         units: outputs.
+        generator: draws the weights; if omitted they are yet to come.
 
     Raises:
         UsageError: an unknown kind.
     """
-    if about["kind"] != "mlp":
-        raise UsageError(
-            f"network {about['kind']!r} is unknown; allowed: mlp", hint="train it again"
-        )
-    return Actor(inputs, units, about["hidden"], torch.Generator())
+    from resilience.rl.actors import AgentActors, GruActors
+
+    kind, fresh = about["kind"], generator or torch.Generator()
+    if kind == "mlp":
+        return Actor(inputs, units, about["hidden"], fresh)
+    if kind == "agents":
+        return AgentActors(inputs, units, about["hidden"], fresh)
+    if kind == "gru":
+        return GruActors(inputs, units, fresh)
+    raise UsageError(
+        f"network {kind!r} is unknown; allowed: mlp, agents, gru", hint="train it again"
+    )

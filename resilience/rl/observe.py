@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,8 +134,7 @@ class Observer:
     @property
     def schema(self) -> str:
         """A digest of what an observation holds: a policy fits no other."""
-        text = json.dumps([(b.name, b.labels, b.scale) for b in self.blocks])
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return digest_of_blocks(self.blocks)
 
     def seen(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
@@ -207,6 +207,12 @@ class Observer:
         known = centre >= 0
         hours = centre * 0.25 - self.setting.case.window.slot_of_day(t) * self.setting.case.step_h
         return np.stack([known * 1.0, np.where(known, hours, 0.0)])
+
+
+def digest_of_blocks(blocks: Sequence[Block]) -> str:
+    """A digest of what an observation holds."""
+    text = json.dumps([(b.name, b.labels, b.scale) for b in blocks])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _weighted(matrix: Floats, profiles: list[Floats], slots: int, batch: int) -> Floats:

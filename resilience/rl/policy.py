@@ -13,7 +13,7 @@ from resilience.errors import UsageError
 from resilience.rl.bands import band
 from resilience.rl.checkpoint import check_fits, load
 from resilience.rl.nets import network
-from resilience.rl.observe import Observer
+from resilience.rl.observers import observer
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 
@@ -26,13 +26,21 @@ class Policy:
         setting: where it acts.
         actor: from observations (batch, numbers) to outputs (batch, units) in [-1, 1].
         band_name: how outputs become MW.
+        observer_name: what it sees.
     """
 
     batched = True
 
-    def __init__(self, name: str, setting: Setting, actor: nn.Module, band_name: str) -> None:
+    def __init__(
+        self,
+        name: str,
+        setting: Setting,
+        actor: nn.Module,
+        band_name: str,
+        observer_name: str = "full",
+    ) -> None:
         self.name, self.actor = name, actor
-        self.observer = Observer(setting)
+        self.observer = observer(observer_name, setting)
         self.band = band(band_name, setting.simulator)
 
     def act(self, observation: Observation) -> Floats:
@@ -66,8 +74,9 @@ def load_policy(setting: Setting, method: str, run: Path) -> Policy:
             f"{path} was trained by {header.method}, not {method}",
             hint=f"call it {header.method}:{run}",
         )
-    observer = Observer(setting)
-    check_fits(path, header, setting.case, observer.schema)
-    actor = network(header.network, observer.size, len(setting.simulator.units))
+    band_name, observer_name = header.config["band"], header.config["observer"]
+    eyes = observer(observer_name, setting)
+    check_fits(path, header, setting.case, eyes.schema)
+    actor = network(header.network, eyes.size, len(setting.simulator.units))
     actor.load_state_dict(weights)
-    return Policy(f"{method}:{run}", setting, actor, header.config["band"])
+    return Policy(f"{method}:{run}", setting, actor, band_name, observer_name)

@@ -23,7 +23,7 @@ from resilience.files import replacing_file
 from resilience.progress import Meter, meter, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
 from resilience.rl.learner import under_prefix, with_prefix
-from resilience.rl.observe import Observer
+from resilience.rl.observers import observer
 from resilience.rl.trainer import Row, Training, TrainingOptions
 
 CONFIG_FILE, LOG_FILE, CURVE_FILE = "config.json", "log.jsonl", "curve.csv"
@@ -54,7 +54,8 @@ class Run:
         with phase("training ground"):
             self.training = Training(case, options)
         self.case = case
-        self.schema = Observer(self.training.sampler.setting).schema
+        env = self.training.env
+        self.schema = observer(env.observer_name, env.setting).schema
         if resume and folder is not None:
             self._resume(folder)
         elif folder is not None:

@@ -110,15 +110,18 @@ class Training:
             forecast_error=parse_error(options.forecast_error),
             known_centre=options.known_centre,
         )
+        band, observer_name = self.algorithm.ground(self.settings)
         self.env = BatchEnv(
             self.sampler,
-            options.band or self.algorithm.band,
+            options.band or band,
             options.baseline,
             options.device,
+            observer_name=observer_name,
         )
         self.learner: Learner = self.algorithm.make(self.env, self.settings, options.seed)
         self.iteration, self.cpu_s = 0, 0.0
-        self.iterations = options.iterations or self._iterations_in(options.budget_s)
+        own = getattr(self.learner, "iterations", None)
+        self.iterations = options.iterations or own or self._iterations_in(options.budget_s)
         self.best_cost = math.inf
         self.worse = 0
         self.first_loss: float | None = None
@@ -182,7 +185,10 @@ class Training:
         """The policy as it is now, in a world."""
         actor = network(self.learner.network(), self.env.size, self.env.units)
         actor.load_state_dict({k: v.cpu() for k, v in self.learner.weights().items()})
-        return Policy(self.options.method, world.setting, actor, self.env.band_name)
+        env = self.env
+        return Policy(
+            self.options.method, world.setting, actor, env.band_name, env.observer_name
+        )
 
     def _row(self, log: dict[str, float]) -> Row:
         world, bound = self.validation
@@ -209,4 +215,8 @@ class Training:
     def config(self) -> dict[str, Any]:
         """Everything that it was started with, as plain data."""
         options = asdict(self.options) | {"iterations": self.iterations}
-        return options | {"settings": asdict(self.settings), "band": self.env.band_name}
+        return options | {
+            "settings": asdict(self.settings),
+            "band": self.env.band_name,
+            "observer": self.env.observer_name,
+        }

@@ -22,6 +22,7 @@ from resilience.rl.learner import (
     with_prefix,
 )
 from resilience.rl.nets import Actor, Average
+from resilience.rl.starts import mixed_starts
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,8 @@ class Apg:
     def iterate(self, progress: Progress) -> dict[str, float]:
         """One batch of episodes and one step of the weights."""
         tape = self.env.draw(self.settings.batch, progress.iteration)
-        start = self._starts(progress.iteration)
+        rng = np.random.default_rng([self.seed, 3, progress.iteration])
+        start = mixed_starts(self.env, self.ends, self.settings.carried_start, rng)
         for group in self.optimiser.param_groups:
             group["lr"] = self.settings.learning_rate * progress.cosine
         cost, end = self._play(tape, start)
@@ -116,13 +118,3 @@ class Apg:
             step = env.step(tape, t, energy, output)
             cost, energy = cost + step.cost, step.energy
         return cost - env.credit(energy), energy
-
-    def _starts(self, iteration: int) -> torch.Tensor:
-        """(units, batch) MWh: what earlier episodes ended with, or anything."""
-        env, n = self.env, self.settings.batch
-        rng = np.random.default_rng([self.seed, 3, iteration])
-        low, high = env.simulator.low, env.simulator.high
-        random = env.tensor(low + (high - low) * rng.random((env.units, n)))
-        carried = torch.as_tensor(rng.random(n) < self.settings.carried_start, device=env.device)
-        shuffled = self.ends[:, torch.as_tensor(rng.permutation(n), device=env.device)]
-        return torch.where(carried, shuffled, random)

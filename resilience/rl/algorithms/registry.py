@@ -20,9 +20,10 @@ class Algorithm:
     Attributes:
         module: where it is.
         learner: name of its class there, made from the environment, settings and a seed.
-        settings: name of the dataclass of its settings there.
+        settings: name of the dataclass of its settings there, or of what makes one from `variant`.
         band: how outputs become MW unless somebody asks for another.
         about: in a few words.
+        observer: what is seen.
     """
 
     module: str
@@ -30,11 +31,25 @@ class Algorithm:
     settings: str
     band: str
     about: str
+    observer: str = "full"
+
+    def ground(self, settings: Any) -> tuple[str, str]:
+        """Names of the band and of the observer; settings may have their own."""
+        return getattr(settings, "band", self.band), getattr(settings, "observer", self.observer)
 
     def make(self, env: BatchEnv, settings: Any, seed: int) -> Learner:
         """A fresh learner."""
         made: Learner = getattr(import_module(self.module), self.learner)(env, settings, seed)
         return made
+
+    def settings_kind(self, **variant: str) -> Any:
+        """The dataclass of its settings, of the variant if it has several.
+
+        Raises:
+            UsageError: an unknown variant.
+        """
+        found = getattr(import_module(self.module), self.settings)
+        return found if isinstance(found, type) else found(**variant)
 
     def settings_of(self, values: dict[str, Any]) -> Any:
         """The settings with some values of one's own.
@@ -42,7 +57,7 @@ class Algorithm:
         Raises:
             UsageError: a setting that there is not.
         """
-        kind = getattr(import_module(self.module), self.settings)
+        kind = self.settings_kind(**{k: v for k, v in values.items() if k == "variant"})
         names = [f.name for f in fields(kind)]
         if unknown := sorted(set(values) - set(names)):
             raise UsageError(
@@ -59,6 +74,41 @@ ALGORITHMS: dict[str, Algorithm] = {
         "ApgSettings",
         "anchors",
         "gradients through the simulator; the default",
+    ),
+    "maddpg": Algorithm(
+        "resilience.rl.algorithms.maddpg",
+        "maddpg",
+        "settings_kind",
+        "anchors",
+        "an agent per unit, critics that see all; variant=paper is the paper's",
+    ),
+    "matd3": Algorithm(
+        "resilience.rl.algorithms.matd3",
+        "Matd3",
+        "Matd3Settings",
+        "anchors",
+        "agents with twin critics and smoothed targets",
+    ),
+    "ddpg": Algorithm(
+        "resilience.rl.algorithms.ddpg",
+        "Ddpg",
+        "DdpgSettings",
+        "anchors",
+        "one agent for all units, one critic",
+    ),
+    "mappo": Algorithm(
+        "resilience.rl.algorithms.mappo",
+        "Mappo",
+        "MappoSettings",
+        "anchors",
+        "on-policy, a critic that agents share",
+    ),
+    "clone": Algorithm(
+        "resilience.rl.algorithms.clone",
+        "Clone",
+        "CloneSettings",
+        "anchors",
+        "imitates another dispatcher, with noise",
     ),
 }
 

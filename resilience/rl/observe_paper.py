@@ -1,0 +1,98 @@
+"""What the paper's agents see: a state of charge, a counter, and a window of PV and load.
+
+An agent's state is [SoC_n, c_n, v] with v what its GRU makes of the window (eqs. 9 to 13). What the
+paper leaves open, and what is done here:
+
+- *scales*: the state of charge is 0 to 1 within its band, the counter 1 for a whole day, and the
+  rows of the window are per unit of each device's largest power;
+- *the counter after the peak* is 0; it is also 0 where the peak is unknown, since the paper's agents
+  always know it;
+- *the counter of an agent*: the paper does not say which breakpoint an agent belongs to. The forecast
+  is of the first breakpoint's peak, the others being shifted by up to 45 minutes that nobody can
+  know, so all agents have the same counter;
+- *the window* holds the present slot as it is and seven predictions, one row per device;
+- *what is not seen*: whether there is a grid, since when an outage lasts, the time of day, prices.
+  An agent cannot tell an outage from normal operation. That is the paper's, and it is kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from resilience.arrays import Floats
+from resilience.models.components import in_roles
+from resilience.rl.observe import Block, digest_of_blocks
+from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
+
+WINDOW = 8  # slots, the present one among them
+
+
+class PaperObserver:
+    """Makes the paper's observations: states of charge, counters, then the window slot by slot.
+
+    Args:
+        setting: where it is.
+
+    Attributes:
+        blocks: what an observation holds, in order.
+        rows: of the window, one per PV plant and per load.
+    """
+
+    def __init__(self, setting: Setting) -> None:
+        self.setting, simulator = setting, setting.simulator
+        self._low = simulator.low
+        self._range = np.maximum(simulator.high - simulator.low, 1e-9)
+        fleets = list(setting.microgrid.fleets.values())
+        self._profiles: list[str | None] = []
+        labels: list[str] = []
+        for role in ("weather", "load"):
+            for fleet in in_roles(fleets, role):  # type: ignore[arg-type]
+                expected = fleet.expected()
+                self._profiles += [name for name, _ in expected]
+                labels += fleet.names[: len(expected)]
+        self.rows = len(labels)
+        self._names = tuple(dict.fromkeys(self._profiles))
+        self._row_of = np.array([self._names.index(name) for name in self._profiles], np.intp)
+        units, per_day = simulator.units, float(setting.case.window.slots_per_day)
+        window = tuple(f"{label}+{k}" for k in range(WINDOW) for label in labels)
+        self.blocks = (
+            Block("soc_of_band", units, (1.0,) * len(units)),
+            Block("slots_to_peak", units, (per_day,) * len(units)),
+            Block("power_pu", window, (1.0,) * len(window)),
+        )
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+        return sum(len(block.labels) for block in self.blocks)
+
+    @property
+    def schema(self) -> str:
+        """A digest of what an observation holds: a policy fits no other."""
+        return digest_of_blocks(self.blocks)
+
+    def seen(self, observation: Observation) -> np.ndarray:
+        """(batch, numbers) an observation in single precision, as in training; once a slot."""
+        energy = observation.energy.astype(np.float32)
+        world = self.world(observation).astype(np.float32)
+        return np.concatenate([self.storage(energy), world]).T
+
+    def storage(self, energy: np.ndarray) -> np.ndarray:
+        """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
+        low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
+        return (energy - low) / width
+
+    def world(self, observation: Observation) -> Floats:
+        """(numbers but those of storage, batch) counters and window of a slot."""
+        window = self.setting.case.window
+        slots = observation.t + np.arange(WINDOW)
+        forecast = np.array([observation.forecast(name, slots) for name in self._names])
+        rows = forecast[self._row_of].swapaxes(0, 1)
+        now = window.slot_of_day(observation.t)
+        peak = observation.centre * 15.0 / window.step_min
+        counter = np.where(observation.centre >= 0, np.maximum(peak - now, 0.0), 0.0)
+        units = len(self.setting.simulator.units)
+        counters = np.repeat(counter[None] / window.slots_per_day, units, axis=0)
+        seen: Floats = np.concatenate([counters, rows.reshape(-1, rows.shape[-1])])
+        return seen

@@ -1,0 +1,59 @@
+"""Observations by name: what policies may be given to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from resilience.arrays import Floats
+from resilience.errors import UsageError
+from resilience.rl.observe import Block, Observer
+from resilience.rl.observe_paper import PaperObserver
+from resilience.simulation.observation import Observation
+from resilience.simulation.setting import Setting
+
+
+class Eyes(Protocol):
+    """What makes observations; one per batch, since it may remember.
+
+    Attributes:
+        blocks: what an observation holds, in order; storage is the first.
+    """
+
+    blocks: tuple[Block, ...]
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+
+    @property
+    def schema(self) -> str:
+        """A digest of what an observation holds."""
+
+    def seen(self, observation: Observation) -> np.ndarray:
+        """(batch, numbers) an observation in single precision, as in training; once a slot."""
+
+    def storage(self, energy: np.ndarray) -> np.ndarray:
+        """(units, batch) what is seen of storage."""
+
+    def world(self, observation: Observation) -> Floats:
+        """(numbers but those of storage, batch) what is seen of the world; once in each slot."""
+
+
+OBSERVERS: dict[str, Callable[[Setting], Eyes]] = {"full": Observer, "paper": PaperObserver}
+
+
+def observer(name: str, setting: Setting) -> Eyes:
+    """A fresh observer of this name.
+
+    Raises:
+        UsageError: there is none of this name.
+    """
+    if name not in OBSERVERS:
+        raise UsageError(
+            f"observation {name!r} is unknown; allowed: {', '.join(OBSERVERS)}",
+            hint="full is the default, paper is what the paper's agents see",
+        )
+    return OBSERVERS[name](setting)

@@ -1,0 +1,206 @@
+"""What was done and what came of it, by index into the episodes in which it was done.
+
+A row is a slot of an episode. What was seen in it lies in the episode's tape, which the ring holds
+once and from which it gathers; of what was done, it keeps the energy, the output and the reward.
+Tapes come from their numbers, so that a ring on disk is a few arrays and a list of numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from resilience.arrays import Ints
+from resilience.dispatch.anchors import Needs
+from resilience.rl.env import BatchEnv, Tape
+
+EMPTY = -1  # in place of a tape's number
+
+
+@dataclass(frozen=True)
+class Situations:
+    """Some slots of some episodes, as the band and the networks need them.
+
+    Attributes:
+        seen: (n, numbers) observations, storage included.
+        energy: (units, n) MWh.
+        data: (n_data, n) from `Simulator.stacked`.
+        island: (buses, n).
+        needs: of the islands; None where the band does not ask.
+    """
+
+    seen: torch.Tensor
+    energy: torch.Tensor
+    data: torch.Tensor
+    island: torch.Tensor
+    needs: Needs | None
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """A sample of what was done.
+
+    Attributes:
+        now: where.
+        output: (n, units) what was done, in [-1, 1].
+        rewards: (heads, n) discounted sum of the rewards until `later`, $.
+        later: where it led to, some slots on; of episodes that are over by then, anything.
+        discount: (n,) what a value of `later` is multiplied by; 0 where the episode is over.
+    """
+
+    now: Situations
+    output: torch.Tensor
+    rewards: torch.Tensor
+    later: Situations
+    discount: torch.Tensor
+
+
+class Replay:
+    """A ring of tapes, each with what was done in it.
+
+    Args:
+        env: the training ground.
+        tapes: how many are kept.
+        episodes: in each.
+        heads: rewards of a slot, one for all or one per agent.
+    """
+
+    def __init__(self, env: BatchEnv, tapes: int, episodes: int, heads: int = 1) -> None:
+        self.env, self.episodes, self.heads = env, episodes, heads
+        self.numbers = np.full(tapes, EMPTY)
+        self.place = self.played = self._per_tape = 0
+        self._done: dict[str, torch.Tensor] = {}
+        self._seen: dict[str, torch.Tensor] = {}
+
+    def open(self, number: int) -> Tape:
+        """Tape `number`, in the place of the oldest; what is done from now on belongs to it."""
+        if self.numbers[0] != EMPTY:
+            self.place = (self.place + 1) % len(self.numbers)
+        tape = self.env.draw(self.episodes, number)
+        self._put(self.place, number, tape)
+        self.played = 0
+        return tape
+
+    def add(self, energy: torch.Tensor, output: torch.Tensor, reward: torch.Tensor) -> None:
+        """The next slot of the open tape: energies (units, n) before it, outputs (n, units),
+        rewards (heads, n).
+        """
+        first = self.place * self._per_tape + self.played * self.episodes
+        rows = slice(first, first + self.episodes)
+        self._done["energy"][:, rows] = energy
+        self._done["output"][rows] = output
+        self._done["reward"][:, rows] = reward
+        self.played += 1
+
+    def usable(self, steps: int) -> int:
+        """Rows whose next `steps` slots have been played, or whose episode has been played out."""
+        is_over = self.played * self.episodes == self._per_tape
+        in_open = self.played if is_over else max(self.played - steps, 0)
+        others = int((self.numbers != EMPTY).sum()) - 1
+        return others * self._per_tape + in_open * self.episodes
+
+    def rows(self, number: Ints, steps: int) -> Ints:
+        """Rows by their number among the usable ones, oldest first."""
+        assert number.max(initial=0) < self.usable(steps)
+        filled = int((self.numbers != EMPTY).sum())
+        first = (self.place + 1) % filled * self._per_tape
+        return (first + number) % (filled * self._per_tape)
+
+    def sample(
+        self, n: int, rng: np.random.Generator, steps: int, discount: float
+    ) -> Transitions:
+        """n rows at random, with replacement, each with what came within `steps` slots."""
+        rows = self.rows(rng.integers(self.usable(steps), size=n), steps)
+        return self.transitions(rows, steps, discount)
+
+    def transitions(self, rows: Ints, steps: int, discount: float) -> Transitions:
+        """These rows, with what came within `steps` slots."""
+        slots = self._per_tape // self.episodes
+        left = slots - rows % self._per_tape // self.episodes
+        total: torch.Tensor | float = 0.0
+        for k in range(steps):
+            counts = self.env.tensor((k < left) * discount**k)
+            later = rows + np.minimum(k, left - 1) * self.episodes
+            total = total + counts * self._done["reward"][:, self._index(later)]
+        is_over = steps >= left
+        later = rows + np.where(is_over, 0, steps) * self.episodes
+        return Transitions(
+            self.situations(rows),
+            self._done["output"][self._index(rows)],
+            torch.as_tensor(total),
+            self.situations(later),
+            self.env.tensor(np.where(is_over, 0.0, discount**steps)),
+        )
+
+    def situations(self, rows: Ints) -> Situations:
+        """The situations of rows."""
+        index, seen = self._index(rows), self._seen
+        energy = self._done["energy"][:, index]
+        needs = None
+        if "surplus" in seen:
+            needs = Needs(*(seen[name][:, index] for name in Needs._fields))
+        return Situations(
+            self.env.with_storage(energy, seen["seen"][index]),
+            energy,
+            seen["data"][:, index],
+            seen["island"][:, index],
+            needs,
+        )
+
+    def state(self) -> dict[str, torch.Tensor]:
+        """What was done, and the numbers of the tapes; tapes are drawn anew."""
+        place = torch.tensor([self.place, self.played])
+        return {"numbers": torch.as_tensor(self.numbers), "place": place, **self._done}
+
+    def load_state(self, state: Mapping[str, torch.Tensor]) -> None:
+        """Goes on from what `state` gave."""
+        self.numbers[:] = EMPTY
+        for place, number in enumerate(state["numbers"].tolist()):
+            if number != EMPTY:
+                self._put(place, number, self.env.draw(self.episodes, number))
+        self.place, self.played = state["place"].tolist()
+        self._done = {n: v.clone() for n, v in state.items() if n not in ("numbers", "place")}
+
+    def _index(self, rows: Ints) -> torch.Tensor:
+        return torch.as_tensor(rows, device=self.env.device)
+
+    def _put(self, place: int, number: int, tape: Tape) -> None:
+        """A tape's arrays with one row per slot and episode, slot by slot."""
+        self._per_tape = tape.slots * tape.n
+        first = place * self._per_tape
+        for name, values in _flat(tape).items():
+            axis = 0 if name == "seen" else 1
+            whole = self._seen.setdefault(name, self._room(values, axis))
+            whole.narrow(axis, first, self._per_tape).copy_(values)
+        if not self._done:
+            units, room = self.env.units, len(self.numbers) * self._per_tape
+            like = {"dtype": self.env.dtype, "device": self.env.device}
+            self._done = {
+                "energy": torch.zeros((units, room), **like),
+                "output": torch.zeros((room, units), **like),
+                "reward": torch.zeros((self.heads, room), **like),
+            }
+        self.numbers[place] = number
+
+    def _room(self, values: torch.Tensor, axis: int) -> torch.Tensor:
+        shape = list(values.shape)
+        shape[axis] = len(self.numbers) * self._per_tape
+        return torch.zeros(shape, dtype=values.dtype, device=values.device)
+
+
+def _flat(tape: Tape) -> dict[str, torch.Tensor]:
+    """What a tape shows, with its slots and episodes along one axis."""
+    flat = {
+        "seen": tape.seen.flatten(0, 1),
+        "data": tape.data.movedim(0, 1).flatten(1),
+        "island": tape.island.movedim(0, 1).flatten(1),
+    }
+    needs = [n for n in tape.needs if n is not None]
+    if needs:
+        for name in Needs._fields:
+            wide = [getattr(n, name).expand(-1, tape.n) for n in needs]
+            flat[name] = torch.stack(wide, 1).flatten(1)
+    return flat
