@@ -43,6 +43,8 @@ class ActorCriticSettings:
         n_step: slots whose rewards are summed before the critic's value is taken.
         critics: how many; of several the least value is believed.
         critic_sees: what the critics are told of an action: mw, or the output.
+        head_start: updates of the critics before the first of the actor, which would else run into
+            a corner that critics who know nothing yet point to.
         policy_delay: updates of the critics per update of the actor.
         target_noise: standard deviation of what is added to the targets' outputs, at most twice it.
         pull: weight of the squared output in the actor's loss, against corners; $.
@@ -68,6 +70,7 @@ class ActorCriticSettings:
     n_step: int = 8
     critics: int = 2
     critic_sees: Literal["mw", "output"] = "mw"
+    head_start: int = 200
     policy_delay: int = 2
     target_noise: float = 0.0
     pull: float = 0.0
@@ -121,7 +124,8 @@ class ActorCritic(ReplayLearner):
         critic, wanted = self.networks["critic"], self.wanted(sample, rng)
         loss = (self._values(critic, sample.now, sample.output) - wanted).square().mean(1).sum()
         self._descend("critic", loss, self.settings.critic_rate)
-        if self.updates % self.settings.policy_delay == 0:
+        turn = self.updates - self.settings.head_start
+        if turn >= 0 and turn % self.settings.policy_delay == 0:
             output = self.networks["actor"](sample.now.seen)
             critic.requires_grad_(False)
             value = self._values(critic, sample.now, output)[0].mean()
