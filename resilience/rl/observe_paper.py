@@ -5,10 +5,10 @@ paper leaves open, and what is done here:
 
 - *scales*: the state of charge is 0 to 1 within its band, the counter 1 for a whole day, and the
   rows of the window are per unit of each device's largest power;
-- *the counter after the peak* is 0; it is also 0 where the peak is unknown, since the paper's agents
+- *the counter after the peak* is 0; it is 0 too where the peak is unknown, since the paper's agents
   always know it;
-- *the counter of an agent*: the paper does not say which breakpoint an agent belongs to. The forecast
-  is of the first breakpoint's peak, the others being shifted by up to 45 minutes that nobody can
+- *the counter of an agent*: the paper does not say which breakpoint an agent belongs to. The
+  forecast is of the first breakpoint's peak, the others being shifted by up to 45 minutes that nobody can
   know, so all agents have the same counter;
 - *the window* holds the present slot as it is and seven predictions, one row per device;
 - *what is not seen*: whether there is a grid, since when an outage lasts, the time of day, prices.

@@ -43,21 +43,36 @@ class Schedule(Protocol):
     """
 
     @property
-    def environments(self) -> int: ...
+    def environments(self) -> int:
+        """See above."""
+
     @property
-    def batch(self) -> int: ...
+    def batch(self) -> int:
+        """See above."""
+
     @property
-    def tau(self) -> float: ...
+    def tau(self) -> float:
+        """See above."""
+
     @property
-    def update_every(self) -> int: ...
+    def update_every(self) -> int:
+        """See above."""
+
     @property
-    def warm_up(self) -> int: ...
+    def warm_up(self) -> int:
+        """See above."""
+
     @property
-    def noise(self) -> float: ...
+    def noise(self) -> float:
+        """See above."""
+
     @property
-    def noise_correlation(self) -> float: ...
+    def noise_correlation(self) -> float:
+        """See above."""
+
     @property
-    def replay(self) -> int: ...
+    def replay(self) -> int:
+        """See above."""
 
 
 def updates_due(before: int, after: int, every: int, warm_up: int) -> int:

@@ -109,9 +109,7 @@ class Replay:
         first = (self.place + 1) % filled * self._per_tape
         return (first + number) % (filled * self._per_tape)
 
-    def sample(
-        self, n: int, rng: np.random.Generator, steps: int, discount: float
-    ) -> Transitions:
+    def sample(self, n: int, rng: np.random.Generator, steps: int, discount: float) -> Transitions:
         """n rows at random, with replacement, each with what came within `steps` slots."""
         rows = self.rows(rng.integers(self.usable(steps), size=n), steps)
         return self.transitions(rows, steps, discount)

@@ -22,9 +22,7 @@ class StackedLinear(nn.Module):
         generator: draws the weights, uniform as those of `nn.Linear`; the bias is zero.
     """
 
-    def __init__(
-        self, agents: int, fan_in: int, fan_out: int, generator: torch.Generator
-    ) -> None:
+    def __init__(self, agents: int, fan_in: int, fan_out: int, generator: torch.Generator) -> None:
         super().__init__()
         limit = fan_in**-0.5
         weight = torch.empty(agents, fan_in, fan_out).uniform_(-limit, limit, generator=generator)
@@ -90,9 +88,9 @@ class StackedGruLayer(nn.Module):
         self.of_hidden = StackedLinear(agents, width, 3 * width, generator)
 
     def forward(self, x: torch.Tensor, steps: int) -> torch.Tensor:
-        """(agents, steps · batch, width) the hidden state after every step, the first step first."""
-        gates = self.of_input(x).unflatten(1, (steps, -1)).unbind(1)
-        hidden = x.new_zeros(gates[0].shape[:-1] + (self.width,))
+        """(agents, steps · batch, width) the hidden state after every step, in their order."""
+        gates = self.of_input(x).reshape(len(x), steps, -1, 3 * self.width).unbind(1)
+        hidden = x.new_zeros((*gates[0].shape[:-1], self.width))
         every = []
         for given in gates:
             kept = self.of_hidden(hidden)
@@ -119,7 +117,7 @@ class StackedGru(nn.Module):
         features: numbers out.
     """
 
-    def __init__(  # noqa: PLR0913 sizes
+    def __init__(
         self,
         agents: int,
         rows: int,
@@ -137,7 +135,7 @@ class StackedGru(nn.Module):
 
     def forward(self, window: torch.Tensor) -> torch.Tensor:
         """(agents, batch, features) of the windows (batch, steps · rows) that all agents see."""
-        by_step = window.unflatten(1, (self.steps, self.rows)).transpose(0, 1).flatten(0, 1)
+        by_step = window.reshape(-1, self.steps, self.rows).transpose(0, 1).flatten(0, 1)
         embedded = torch.relu(self.embedding(by_step.expand(self.agents, -1, -1)))
         hidden = self.second(self.first(embedded, self.steps), self.steps)
         return torch.relu(self.last(hidden[:, -len(window) :]))

@@ -186,9 +186,7 @@ class Training:
         actor = network(self.learner.network(), self.env.size, self.env.units)
         actor.load_state_dict({k: v.cpu() for k, v in self.learner.weights().items()})
         env = self.env
-        return Policy(
-            self.options.method, world.setting, actor, env.band_name, env.observer_name
-        )
+        return Policy(self.options.method, world.setting, actor, env.band_name, env.observer_name)
 
     def _row(self, log: dict[str, float]) -> Row:
         world, bound = self.validation

@@ -1,5 +1,5 @@
-"""Deterministic actor and critics on whole observations: what `ddpg`, `matd3` and the tuned `maddpg`
-have in common, everything that sets them apart being a setting.
+"""Deterministic actor and critics on whole observations: what `ddpg`, `matd3` and the tuned
+`maddpg` have in common, everything that sets them apart being a setting.
 """
 
 from __future__ import annotations
@@ -161,4 +161,3 @@ class ActorCritic(ReplayLearner):
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self.networks[name].parameters(), 10.0)
         optimiser.step()
-

@@ -167,9 +167,7 @@ class PaperMaddpg(ReplayLearner):
         """As the case starts."""
         return self.env.start(self.settings.environments)
 
-    def rewards(
-        self, tape: Tape, t: int, step: Step, baseline_cost: torch.Tensor
-    ) -> torch.Tensor:
+    def rewards(self, tape: Tape, t: int, step: Step, baseline_cost: torch.Tensor) -> torch.Tensor:
         """(units, environments) $: eq. (16), less nothing."""
         return self.env.agent_rewards(tape, t, step, torch.zeros_like(baseline_cost))
 
@@ -184,9 +182,7 @@ class PaperMaddpg(ReplayLearner):
             assert isinstance(actor, GruActors)
             features = actor.features(later.seen)
             actions = self._actions(later, actor.of_features(later.seen, features))
-            values = self.targets["critic"](
-                self._states(later), features, self._for_all(actions)
-            )
+            values = self.targets["critic"](self._states(later), features, self._for_all(actions))
             return sample.rewards + sample.discount * values
 
     def update(self, sample: Transitions, rng: np.random.Generator, progress: Progress) -> float:

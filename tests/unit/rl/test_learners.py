@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -110,14 +112,15 @@ def test_sizes_of_the_paper() -> None:
 def test_the_paper_updates_1267_times(environments: int) -> None:
     """One update on every multiple of 24 of the global step beyond the 8,000th, in 38,400 steps."""
     steps = [*range(0, 38_400, environments), 38_400]
-    due = [updates_due(a, b, 24, 8_000) for a, b in zip(steps, steps[1:], strict=False)]
+    due = [updates_due(a, b, 24, 8_000) for a, b in pairwise(steps)]
     assert sum(due) == 1_267
     if environments == 1:
         falls_on = [b for b, n in zip(steps[1:], due, strict=True) if n]
         assert falls_on == list(range(8_016, 38_401, 24))
 
 
-def test_a_stacked_gru_is_torch_s(agent: int = 1) -> None:
+@pytest.mark.parametrize("agent", [1, 2])
+def test_a_stacked_gru_is_torch_s(agent: int) -> None:
     """Two layers of `nn.GRU` with the same weights, for one agent among three."""
     generator = torch.Generator().manual_seed(2)
     actors = GruActors(2 * 3 + 8 * 7, 3, generator).double()
@@ -172,10 +175,10 @@ def test_the_paper_s_target_of_a_last_slot_is_its_reward() -> None:
 def test_unknown_settings_are_refused() -> None:
     with pytest.raises(UsageError, match="variant 'fast' of maddpg is unknown"):
         algorithm("maddpg").settings_of({"variant": "fast"})
+    settings = algorithm("maddpg").settings_of({"variant": "paper", "environments": 7})
+    env = arbitrage("affine", "paper")
     with pytest.raises(UsageError, match="400 episodes in 7 environments"):
-        entry = algorithm("maddpg")
-        settings = entry.settings_of({"variant": "paper", "environments": 7})
-        entry.make(arbitrage("affine", "paper"), settings, 0)
+        algorithm("maddpg").make(env, settings, 0)
 
 
 @pytest.mark.parametrize("fallback", ["idle", "rule"])

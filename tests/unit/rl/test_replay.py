@@ -53,9 +53,7 @@ def test_three_steps_sum_discounted_rewards_and_stop_at_the_end() -> None:
     rewards = [float(entry[4][0, 1]) for entry in put]
     back = replay.transitions(np.arange(4) * EPISODES + 1, 3, 0.9)
     ends = [min(t + 3, 4) for t in range(4)]
-    sums = [
-        sum(0.9**k * r for k, r in enumerate(rewards[t:end])) for t, end in enumerate(ends)
-    ]
+    sums = [sum(0.9**k * r for k, r in enumerate(rewards[t:end])) for t, end in enumerate(ends)]
     torch.testing.assert_close(back.rewards[0], env.tensor(np.array(sums)))
     torch.testing.assert_close(back.discount, env.tensor(np.array([0.9**3, 0.0, 0.0, 0.0])))
     assert torch.equal(back.later.energy[:, 0], put[3][2][:, 1])

@@ -12,7 +12,7 @@ REWARDS = torch.tensor([3.0, -2.0, 7.0], dtype=torch.float64)[:, None]
 VALUES = torch.tensor([5.0, 11.0, 13.0], dtype=torch.float64)[:, None]
 
 
-def column(*values: float) -> torch.Tensor:
+def column(*values: float):
     return torch.tensor(values, dtype=torch.float64)[:, None]
 
 
