@@ -8,8 +8,8 @@ paper leaves open, and what is done here:
 - *the counter after the peak* is 0; it is 0 too where the peak is unknown, since the paper's agents
   always know it;
 - *the counter of an agent*: the paper does not say which breakpoint an agent belongs to. The
-  forecast is of the first breakpoint's peak, the others being shifted by up to 45 minutes that nobody can
-  know, so all agents have the same counter;
+  forecast is of the first breakpoint's peak, the others being shifted by up to 45 minutes that
+  nobody can know, so all agents have the same counter;
 - *the window* holds the present slot as it is and seven predictions, one row per device;
 - *what is not seen*: whether there is a grid, since when an outage lasts, the time of day, prices.
   An agent cannot tell an outage from normal operation. That is the paper's, and it is kept.

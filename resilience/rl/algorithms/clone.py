@@ -1,7 +1,7 @@
 """`clone`: imitation of a dispatcher, whatever it is. The teacher acts in episodes of the training
 days; noise on the stored energy shows it states that it would not come to, so that the clone
-learns to return from them (Laskey et al., "DART", CoRL 2017). What a clone cannot copy, the observation
-does not hold.
+learns to return from them (Laskey et al., "DART", CoRL 2017). What a clone cannot copy, the
+observation does not hold.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`maddpg`: a deterministic actor per unit, critics that see everything (Lowe et al., NeurIPS 2017).
+"""`maddpg`: a deterministic actor per unit, critics that see all (Lowe et al., NeurIPS 2017).
 
 `variant=paper` is the paper's MADDPG-GRU with its schedule; `variant=tuned` has a shared reward and
 so shared critics, twins of them, n-step returns, the band of anchors, rewards against the rule, and

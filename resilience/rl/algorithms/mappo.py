@@ -2,7 +2,8 @@
 Effectiveness of PPO in Cooperative, Multi-Agent Games", NeurIPS 2022, after Schulman et al., 2017).
 
 On-policy: a round of whole episodes, generalised advantages, a few passes over it. An agent's
-output is normal around its actor's; what is beyond [-1, 1] is cut by the environment, not in the density.
+output is normal around its actor's; what is beyond [-1, 1] is cut by the environment, not in the
+density.
 """
 
 from __future__ import annotations
