@@ -25,6 +25,7 @@ from resilience.simulation.slots import Slot, Slots
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 TRAINING_STREAM = 2
+LEAST_SLOTS_AHEAD = 8  # the paper's window, which may be longer than a day of long slots
 STORMS = 6000  # drawn once; a batch takes some of them
 VALIDATION_DAYS = 8  # the last of the training days, on which policies are chosen
 VALIDATION_STORMS = 8
@@ -94,7 +95,8 @@ class Episodes:
         """By name, (slots, batch) what was forecast, a day beyond the episode; after the last day
         of all, its end.
         """
-        ahead = np.arange(self.slots + self.setting.case.window.slots_per_day)[:, None]
+        beyond = max(self.setting.case.window.slots_per_day, LEAST_SLOTS_AHEAD)
+        ahead = np.arange(self.slots + beyond)[:, None]
         return {
             name: values[np.minimum(self.first + ahead, len(values) - 1)]
             for name, values in self.values.items()

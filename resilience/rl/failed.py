@@ -63,7 +63,7 @@ class FailedEntry:
                 hint="an agent has the name of its unit",
             )
         failed = np.array([name in self.units for name in names])
-        outer = factory_of(FALLBACKS[self.fallback])(setting)  # type: ignore[arg-type]
+        outer = factory_of(FALLBACKS[self.fallback])(setting)
         return WithFailed(self.factory(setting), outer, failed, self.units)
 
 
@@ -88,6 +88,6 @@ def with_failed(
             hint="idle leaves the storage alone",
         )
     if isinstance(factory, str):
-        factory = factory_of(factory)  # type: ignore[assignment]
+        factory = factory_of(factory)
     assert callable(factory)
     return FailedEntry(factory, tuple(units), fallback)

@@ -47,7 +47,7 @@ class PaperObserver:
         self._profiles: list[str | None] = []
         labels: list[str] = []
         for role in ("weather", "load"):
-            for fleet in in_roles(fleets, role):  # type: ignore[arg-type]
+            for fleet in in_roles(fleets, role):
                 expected = fleet.expected()
                 self._profiles += [name for name, _ in expected]
                 labels += fleet.names[: len(expected)]

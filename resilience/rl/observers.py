@@ -22,7 +22,9 @@ class Eyes(Protocol):
         blocks: what an observation holds, in order; storage is the first.
     """
 
-    blocks: tuple[Block, ...]
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """See above."""
 
     @property
     def size(self) -> int:

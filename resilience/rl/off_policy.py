@@ -177,7 +177,8 @@ class ReplayLearner(ABC):
     def _follow(self) -> None:
         with torch.no_grad():
             for name, network in self.networks.items():
-                slow, fast = list(self.targets[name].parameters()), list(network.parameters())
+                slow: list[torch.Tensor] = list(self.targets[name].parameters())
+                fast: list[torch.Tensor] = list(network.parameters())
                 torch._foreach_lerp_(slow, fast, self.schedule.tau)
 
     def _next(self, noise: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:

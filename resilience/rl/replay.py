@@ -120,7 +120,7 @@ class Replay:
         left = slots - rows % self._per_tape // self.episodes
         total: torch.Tensor | float = 0.0
         for k in range(steps):
-            counts = self.env.tensor((k < left) * discount**k)
+            counts = self.env.tensor(np.where(k < left, discount**k, 0.0))
             later = rows + np.minimum(k, left - 1) * self.episodes
             total = total + counts * self._done["reward"][:, self._index(later)]
         is_over = steps >= left
@@ -175,12 +175,13 @@ class Replay:
             whole.narrow(axis, first, self._per_tape).copy_(values)
         if not self._done:
             units, room = self.env.units, len(self.numbers) * self._per_tape
-            like = {"dtype": self.env.dtype, "device": self.env.device}
-            self._done = {
-                "energy": torch.zeros((units, room), **like),
-                "output": torch.zeros((room, units), **like),
-                "reward": torch.zeros((self.heads, room), **like),
+            shapes = {
+                "energy": (units, room),
+                "output": (room, units),
+                "reward": (self.heads, room),
             }
+            like = tape.seen
+            self._done = {name: like.new_zeros(shape) for name, shape in shapes.items()}
         self.numbers[place] = number
 
     def _room(self, values: torch.Tensor, axis: int) -> torch.Tensor:

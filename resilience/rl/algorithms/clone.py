@@ -134,7 +134,7 @@ class Clone:
         env, settings = self.env, self.settings
         rng = np.random.default_rng([self.seed, TEACH_STREAM, self.rounds])
         tape = self.replay.open(self.rounds)
-        teacher = self.teacher(tape.episodes.setting)  # type: ignore[arg-type]
+        teacher = self.teacher(tape.episodes.setting)
         energy = mixed_starts(env, self.ends, settings.carried_start, rng)
         low, high = env.tensor(env.simulator.low), env.tensor(env.simulator.high)
         for t in range(tape.slots):
