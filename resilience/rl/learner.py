@@ -1,4 +1,4 @@
-"""What an algorithm is to the trainer: something that iterates, acts, and whose state can be kept."""
+"""What an algorithm is to the trainer: it iterates, acts, and its state can be kept."""
 
 from __future__ import annotations
 
