@@ -16,7 +16,7 @@ import typer
 from resilience.cli import options, terminal
 from resilience.cli.case import case_app
 from resilience.cli.storms import hazard, scenarios
-from resilience.cli.train import train
+from resilience.cli.train import env, export, train
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -173,7 +173,7 @@ def plot(
         typer.Option(help="Picture file; in RUN, named after what it shows, if omitted."),
     ] = None,
 ) -> None:
-    """Draw a saved plan, a saved comparison, or with --method one of its storms."""
+    """Draw a saved plan, a training, a saved comparison, or with --method one of its storms."""
     from resilience.plots.saved import draw_run
 
     target, hint = draw_run(run, out, method=method, episode=episode, day=day)
@@ -182,7 +182,7 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard, train):
+for _command in (scenarios, hazard, train, export, env):
     app.command()(_command)
 
 

@@ -1,8 +1,9 @@
-"""The command `resilience train`."""
+"""The commands `resilience train`, `export` and `env`."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -49,6 +50,9 @@ def train(
     verbose: options.Verbose = False,
 ) -> None:
     """Train a learning dispatcher; `compare --methods METHOD:RUN` judges it."""
+    from resilience.extras import need
+
+    need("learn", "training", "torch", "safetensors")
     from resilience.rl.train import train as train_policies
 
     with terminal.progress(verbose):
@@ -78,6 +82,65 @@ def train(
 
     print_runs(runs, Console())
     terminal.print_written(("run", out))
+
+
+def export(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A folder that train wrote.")],
+    to: Annotated[
+        Path, typer.Option(help="File to write: .npz for NumPy, .pt2 for torch, or .onnx.")
+    ],
+) -> None:
+    """Write the best policy of a run for other programs, checked against it."""
+    from resilience.extras import need
+
+    need("learn", "exporting", "torch", "safetensors")
+    from resilience.rl.export import CHECKED, export_policy
+
+    difference = export_policy(run, to)
+    typer.echo(f"policy: {to}, as the run's to {difference:.1e} on {CHECKED} observations")
+
+
+def env(
+    case: Annotated[
+        str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
+    ],
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the official checks of Gymnasium and PettingZoo.")
+    ] = False,
+    band: Annotated[str, typer.Option(help="How actions become MW: anchors or affine.")] = "anchors",
+    days: Annotated[int, typer.Option(help="Days of an episode.", min=1)] = 1,
+    forecast_error: options.ForecastErrors = "none",
+    unknown_centre: options.UnknownCentre = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Say what learners see and do in a case; with --check, hold it against the official checks."""
+    from resilience.case import load_case
+    from resilience.rl.adapters.play import Play
+
+    ground: dict[str, Any] = {
+        "band_name": band,
+        "days": days,
+        "forecast_error": forecast_error,
+        "known_centre": not unknown_centre,
+    }
+    loaded = load_case(case)
+    facts = Play(loaded, **ground).facts()
+    checks = []
+    if check:
+        from resilience.rl.adapters.checks import check_environments
+
+        checks = check_environments(loaded, **ground)
+    if as_json:
+        results = [asdict(result) for result in checks]
+        typer.echo(json.dumps(facts | {"checks": results}, indent=2, allow_nan=False))
+    else:
+        from rich.console import Console
+
+        from resilience.text.training import print_environment
+
+        print_environment(facts, checks, Console())
+    if any(result.verdict == "failed" for result in checks):
+        raise typer.Exit(1)
 
 
 def _numbers(text: str) -> list[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
 
 from resilience.errors import UsageError
+from resilience.extras import need
 
 if TYPE_CHECKING:
     from resilience.simulation.observation import Dispatcher
@@ -131,6 +132,7 @@ class LearnedEntry:
 
     def __call__(self, setting: Setting) -> Dispatcher:
         """A fresh dispatcher."""
+        need("learn", f"{self.method}:{self.run}", "torch", "safetensors")
         module, _, name = LEARNED_LOADER.partition(":")
         load = getattr(import_module(module), name)
         made: Dispatcher = load(setting, self.method, Path(self.run))

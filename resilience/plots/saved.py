@@ -1,4 +1,4 @@
-"""Pictures of what a folder holds: a plan, or a comparison and its storms."""
+"""Pictures of what a folder holds: a plan, a training, or a comparison and its storms."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from resilience.errors import UsageError
 from resilience.files import check_picture
+from resilience.plots.learning import plot_learning
 from resilience.plots.plan import plot_plan
 from resilience.plots.report import plot_report
 from resilience.plots.scenario_plan import plot_scenario_plan
 from resilience.plots.storm import plot_storm
+from resilience.rl.curves import run_folders
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
@@ -25,7 +27,7 @@ def draw_run(
     episode: int | None = None,
     day: str | None = None,
 ) -> tuple[Path, str]:
-    """Draws what a folder holds: a plan, a comparison, or with `method` a storm of it.
+    """Draws what a folder holds: a plan, a training, a comparison, or with `method` a storm of it.
 
     Args:
         run: the folder.
@@ -47,6 +49,11 @@ def draw_run(
 
     if out is not None:
         check_picture(out)
+    if run_folders(run):
+        _refuse(run, method=method, episode=episode, day=day)
+        target = out or run / "learning.png"
+        plot_learning(run, target)
+        return target, ""
     if not is_comparison(run):
         _refuse(run, method=method, episode=episode, day=day)
         target = out or run / "plan.png"
@@ -81,9 +88,10 @@ def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
 
 def _refuse(run: Path, **options: object) -> None:
     wrong = [f"--{name}" for name, value in options.items() if value is not None]
-    if wrong and (run / "summary.json").is_file():
+    kind = "a training" if run_folders(run) else "a plan"
+    if wrong and (kind == "a training" or (run / "summary.json").is_file()):
         raise UsageError(
-            f"{', '.join(wrong)}: {run} holds a plan, no comparison",
+            f"{', '.join(wrong)}: {run} holds {kind}, no comparison",
             hint="`resilience compare --out` writes a folder whose storms can be drawn",
         )
 

@@ -6,7 +6,9 @@ belongs elsewhere, or is torn, is refused with the reason.
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -64,9 +66,13 @@ def save(path: Path, tensors: Mapping[str, torch.Tensor], header: Header) -> Non
     """Writes a file; the one that stood there is replaced in one step."""
     from safetensors.torch import save_file
 
-    plain = {name: value.detach().cpu().contiguous() for name, value in tensors.items()}
+    # Copies, since tensors that share memory cannot be written.
+    plain = {n: value.detach().cpu().clone().contiguous() for n, value in tensors.items()}
+    text = json.dumps(asdict(header), sort_keys=True)
     with replacing_file(path) as fresh:
-        save_file(plain, fresh, {"header": json.dumps(asdict(header), sort_keys=True)})
+        save_file(plain, fresh, {"header": text, "sha256": _digest(text, plain)})
+        with fresh.open("rb+") as written:
+            os.fsync(written.fileno())
 
 
 def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
@@ -79,9 +85,12 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
 
     try:
         with safe_open(path, framework="pt") as opened:
-            text = (opened.metadata() or {}).get("header", "")
+            facts = opened.metadata() or {}
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+        text = facts.get("header", "")
         header = Header(**json.loads(text))
+        if facts.get("sha256") != _digest(text, tensors):
+            raise ValueError("its SHA-256 is another than was written")
     except FileNotFoundError:
         raise UsageError(
             f"{path} does not exist", hint="`resilience train --out RUN` writes such files"
@@ -97,6 +106,15 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
             hint="train again with this version",
         )
     return tensors, header
+
+
+def _digest(text: str, tensors: Mapping[str, torch.Tensor]) -> str:
+    """SHA-256 of a header and of the names and bytes of tensors on the CPU."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(tensors):
+        digest.update(name.encode())
+        digest.update(tensors[name].numpy().tobytes())
+    return digest.hexdigest()
 
 
 def check_fits(path: Path, header: Header, case: Case, schema: str) -> None:
@@ -122,6 +140,8 @@ def check_fits(path: Path, header: Header, case: Case, schema: str) -> None:
 
 def versions() -> dict[str, str]:
     """Versions of what numbers depend on."""
+    import platform
     from importlib.metadata import version
 
-    return {name: version(name) for name in ("resilience", "torch", "numpy")}
+    names = ("resilience", "torch", "numpy", "safetensors")
+    return {"python": platform.python_version(), **{name: version(name) for name in names}}

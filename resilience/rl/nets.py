@@ -58,6 +58,11 @@ class Actor(nn.Module):
         super().__init__()
         self.body = mlp([inputs, *hidden, units], generator)
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is linear layers with ReLU between them, as `acting.outputs` takes it."""
+        return all(isinstance(layer, nn.Linear | nn.ReLU) for layer in self.body)
+
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
         """Outputs."""
         outputs: torch.Tensor = torch.tanh(self.body(seen))

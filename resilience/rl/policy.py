@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -10,9 +11,10 @@ from torch import nn
 from resilience.arrays import Floats
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import UsageError
+from resilience.rl.acting import Outputs, layers, outputs
 from resilience.rl.bands import band
 from resilience.rl.checkpoint import check_fits, load
-from resilience.rl.nets import network
+from resilience.rl.nets import Actor, network
 from resilience.rl.observers import observer
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
@@ -39,21 +41,33 @@ class Policy:
         band_name: str,
         observer_name: str = "full",
     ) -> None:
-        self.name, self.actor = name, actor
+        self.name, self.outputs = name, _at_work(actor)
         self.observer = observer(observer_name, setting)
         self.band = band(band_name, setting.simulator)
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        with torch.no_grad():
-            output = self.actor(torch.as_tensor(self.observer.seen(observation)))
+        seen = self.observer.seen(observation)
         power: Floats = self.band.power(
-            output.numpy().T.astype(float),
+            self.outputs(seen).T,
             observation.energy,
             observation.data,
             observation.island,
         )
         return power
+
+
+def _at_work(actor: nn.Module) -> Outputs:
+    """The network as a function of arrays: in NumPy where its layers are plain, else in torch."""
+    if isinstance(actor, Actor) and actor.is_plain:
+        state = {k: v.detach().numpy().astype(float) for k, v in actor.state_dict().items()}
+        return partial(outputs, layers(state))
+
+    def by_torch(seen: Floats) -> Floats:
+        with torch.no_grad():
+            return actor(torch.as_tensor(seen, dtype=torch.float32)).numpy().astype(float)
+
+    return by_torch
 
 
 def load_policy(setting: Setting, method: str, run: Path) -> Policy:

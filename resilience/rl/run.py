@@ -5,14 +5,21 @@ RUN/log.jsonl             a line per validation, everything that is known
 RUN/curve.csv             the same for spreadsheets
 RUN/last.safetensors      what `--resume` goes on from
 RUN/policy.safetensors    the best policy so far, which `compare --methods apg:RUN` takes
+RUN/result.json           the best line, and why training ended; once it has
 RUN/events                for TensorBoard, where it is installed
+
+A process may be killed at any time: every file appears whole, and `last.safetensors` after
+whatever belongs to it. What is written again after that is the same but for the seconds.
 """
 
 from __future__ import annotations
 
 import json
+import math
+import shutil
+import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +27,17 @@ from resilience.case import Case
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
 from resilience.files import replacing_file
-from resilience.progress import Meter, meter, phase
+from resilience.progress import Meter, log, meter, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
+from resilience.rl.curves import COLUMNS, CONFIG_FILE, CURVE_FILE
 from resilience.rl.learner import under_prefix, with_prefix
 from resilience.rl.observers import observer
 from resilience.rl.trainer import Row, Training, TrainingOptions
 
-CONFIG_FILE, LOG_FILE, CURVE_FILE = "config.json", "log.jsonl", "curve.csv"
-LAST_FILE = "last.safetensors"
-COLUMNS = ("iteration", "cpu_s", "loss", "cost_per_day", "gap")
+LOG_FILE = "log.jsonl"
+LAST_FILE, RESULT_FILE, EVENTS_FOLDER = "last.safetensors", "result.json", "events"
+FRESH = ".new-*"  # what a process leaves that was killed while it wrote
+CHECKPOINT_S = 30.0  # of work that is lost at most, where an iteration is shorter
 
 
 class Run:
@@ -38,7 +47,8 @@ class Run:
         case: the case.
         options: how it is trained.
         folder: where; None: nothing is kept.
-        resume: goes on from what is there.
+        resume: goes on from what is there; begins anew where a run was killed before it had kept
+            anything.
 
     Raises:
         UsageError: a folder that holds something else, or a run to resume that does not fit.
@@ -47,26 +57,40 @@ class Run:
     def __init__(
         self, case: Case, options: TrainingOptions, folder: Path | None, resume: bool = False
     ) -> None:
-        self.folder, self.rows = folder, list[Row]()
-        earlier = self._earlier(options, resume)
-        if earlier is not None:
-            options = TrainingOptions(**(asdict(options) | {"iterations": earlier}))
+        self.folder, self.rows, self.ended = folder, list[Row](), ""
+        goes_on = folder is not None and self._goes_on(folder, resume)
+        if folder is not None and goes_on and options.iterations is None:
+            header = load(folder / LAST_FILE)[1]
+            options = replace(options, iterations=header.config["iterations"])
         with phase("training ground"):
             self.training = Training(case, options)
         self.case = case
         env = self.training.env
         self.schema = observer(env.observer_name, env.setting).schema
-        if resume and folder is not None:
+        if folder is None:
+            return
+        if goes_on:
             self._resume(folder)
-        elif folder is not None:
+        else:
             folder.mkdir(parents=True, exist_ok=True)
-            self._write_text(CONFIG_FILE, json.dumps(self._config(), indent=2) + "\n")
-        self.ended = ""
+            self._write_json(CONFIG_FILE, self._config())
+            self._keep()
+        self.kept_at = time.monotonic()
 
     @property
     def best(self) -> Row:
         """The line of the best policy."""
         return min(self.rows, key=lambda row: row.cost_per_day)
+
+    @property
+    def _interface(self) -> dict[str, Any]:
+        """What goes into the network and what comes out, for programs without the case."""
+        env = self.training.env
+        return {
+            "inputs": env.size,
+            "units": list(env.simulator.units),
+            "observation": [asdict(block) for block in Observer(env.setting).blocks],
+        }
 
     @property
     def name(self) -> str:
@@ -75,42 +99,74 @@ class Run:
 
     def summary(self) -> dict[str, Any]:
         """What came out, as plain data."""
-        return {**self._config(), "ended": self.ended, "best": asdict(self.best)}
+        return {**self._config(), "ended": self.ended, "best": _finite(asdict(self.best))}
 
     def train(self) -> Run:
-        """Trains to the end, keeping what it learns; itself, with the reason in `ended`."""
+        """Trains to the end, keeping what it learns; itself, with the reason in `ended`.
+
+        Raises:
+            SolverError: training broke down before there was a policy.
+        """
         training = self.training
         with meter("training", training.iterations) as progress:
             progress.advance(training.iteration)
+            pace = _Pace(training)
             try:
                 self.ended = training.run(
-                    lambda row, best: self._on_row(row, best, progress),
-                    lambda: progress.advance(1),
+                    lambda row, is_best: self._on_row(row, is_best, progress, pace),
+                    lambda: self._on_iteration(progress),
                 )
             except SolverError as error:
-                self.ended = str(error)
+                self.ended = error.message
                 if not self.rows:
                     raise
+        if self.folder is not None:
+            self._write_json(RESULT_FILE, {"ended": self.ended, "best": asdict(self.best)})
         return self
 
-    def _on_row(self, row: Row, is_best: bool, progress: Meter) -> None:
+    def _on_iteration(self, progress: Meter) -> None:
+        progress.advance(1)
+        if self.folder is not None and time.monotonic() - self.kept_at > CHECKPOINT_S:
+            self._keep()
+
+    def _on_row(self, row: Row, is_best: bool, progress: Meter, pace: _Pace) -> None:
         self.rows.append(row)
-        progress.on(f"{row.cost_per_day:.3f} $/day, {100 * row.gap:.2f} % over the bound")
+        progress.on(
+            f"iteration {row.iteration} of {self.training.iterations}: "
+            f"{row.cost_per_day:.3f} $/day, {100 * row.gap:.2f} % over the bound, "
+            f"{pace.left_s(row.iteration):.0f} s left"
+        )
         if self.folder is None:
             return
-        lines = [json.dumps(asdict(row)) for row in self.rows]
+        lines = [json.dumps(_finite(asdict(row))) for row in self.rows]
         self._write_text(LOG_FILE, "\n".join(lines) + "\n")
         table = [",".join(COLUMNS)]
         table += [",".join(repr(getattr(row, name)) for name in COLUMNS) for row in self.rows]
         self._write_text(CURVE_FILE, "\n".join(table) + "\n")
         self._events(row)
         if is_best:
-            save(self.folder / POLICY_FILE, self.training.learner.weights(), self._header())
-        # Last, so that what is resumed from is never ahead of what is written.
-        state = with_prefix("learner", self.training.learner.state())
-        save(self.folder / LAST_FILE, state, self._header())
+            # Nothing measured is in it, so that the same training gives the same bytes.
+            notes = {"cost_per_day": row.cost_per_day, "gap": row.gap, **self._interface}
+            weights = self.training.learner.weights()
+            save(self.folder / POLICY_FILE, weights, self._header(notes))
+        self._keep()
 
-    def _header(self) -> Header:
+    def _keep(self) -> None:
+        """Writes what to go on from; last of all, so that it is never ahead of what is written."""
+        assert self.folder is not None
+        training = self.training
+        notes = {
+            "cpu_s": training.cpu_s,
+            "best_cost": training.best_cost if self.rows else None,
+            "worse": training.worse,
+            "first_loss": training.first_loss,
+            "rows": [asdict(row) for row in self.rows],
+        }
+        state = with_prefix("learner", training.state())
+        save(self.folder / LAST_FILE, state, self._header(notes))
+        self.kept_at = time.monotonic()
+
+    def _header(self, notes: dict[str, Any]) -> Header:
         training = self.training
         return Header(
             method=training.options.method,
@@ -120,13 +176,7 @@ class Run:
             config=training.config(),
             network=training.learner.network(),
             versions=versions(),
-            notes={
-                "cpu_s": training.cpu_s,
-                "best_cost": training.best_cost,
-                "worse": training.worse,
-                "first_loss": training.first_loss,
-                "rows": [asdict(row) for row in self.rows],
-            },
+            notes=notes,
         )
 
     def _resume(self, folder: Path) -> None:
@@ -141,42 +191,53 @@ class Run:
             allowed = ", ".join(f"{k} = {given[k]!r}" for k in differing)
             raise UsageError(
                 f"{folder} cannot be resumed with {found}; allowed: {allowed}",
-                hint="train into a new folder",
+                hint="say the same as when it was begun, or train into a new folder",
             )
+        for leftover in folder.glob(FRESH):
+            shutil.rmtree(leftover, ignore_errors=True)
         training.learner.load_state(under_prefix("learner", tensors))
         training.iteration = header.iteration
         notes = header.notes
-        training.cpu_s, training.best_cost = notes["cpu_s"], notes["best_cost"]
-        training.worse, training.first_loss = notes["worse"], notes["first_loss"]
+        training.cpu_s, training.worse = notes["cpu_s"], notes["worse"]
+        training.best_cost = math.inf if notes["best_cost"] is None else notes["best_cost"]
+        training.first_loss = notes["first_loss"]
         self.rows = [Row(**row) for row in notes["rows"]]
+        log.info(f"resumed at iteration {training.iteration} of {training.iterations}")
 
-    def _earlier(self, options: TrainingOptions, resume: bool) -> int | None:
-        """Iterations of the run that is to be resumed.
+    def _goes_on(self, folder: Path, resume: bool) -> bool:
+        """Whether there is a run to go on with; otherwise it begins.
 
         Raises:
-            UsageError: there is a run, but nobody said to resume it; or there is none.
+            UsageError: there is a run, but nobody said to resume it; there is something else; or
+                there is nothing to resume.
         """
-        if self.folder is None:
-            return None
-        has_run = (self.folder / LAST_FILE).is_file()
-        if resume and not has_run:
+        if folder.exists() and not folder.is_dir():
+            raise UsageError(f"{folder} is a file", hint="name a folder")
+        has_run = (folder / LAST_FILE).is_file()
+        if has_run and resume:
+            return True
+        if has_run:
             raise UsageError(
-                f"{self.folder} holds no run to resume",
-                hint="leave out --resume to begin one; a run can be resumed from its first "
-                "validation on",
+                f"{folder} holds a run", hint="--resume goes on with it; or name a new folder"
             )
-        if not resume and (has_run or (self.folder.is_dir() and any(self.folder.iterdir()))):
+        if not folder.is_dir() or not any(folder.iterdir()):
+            if resume:
+                raise UsageError(
+                    f"{folder} holds no run to resume", hint="leave out --resume to begin one"
+                )
+            return False
+        leftovers = {folder / CONFIG_FILE, *folder.glob(FRESH)}
+        if others := sorted(path.name for path in set(folder.iterdir()) - leftovers):
             raise UsageError(
-                f"{self.folder} is not empty",
-                hint="--resume goes on with a run; or name a new folder",
+                f"{folder} holds no run, but {', '.join(others)}", hint="name a new folder"
             )
-        if not has_run:
-            return None
-        iterations: int = load(self.folder / LAST_FILE)[1].config["iterations"]
-        return options.iterations or iterations
+        log.info(f"{folder} was left before its first checkpoint; training begins")
+        for path in leftovers:
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        return False
 
     def _config(self) -> dict[str, Any]:
-        header = self._header()
+        header = self._header({})
         return {
             "case": self.case.name,
             "case_digest": header.case,
@@ -184,6 +245,9 @@ class Run:
             **header.config,
             "versions": header.versions,
         }
+
+    def _write_json(self, name: str, values: dict[str, Any]) -> None:
+        self._write_text(name, json.dumps(_finite(values), indent=2) + "\n")
 
     def _write_text(self, name: str, text: str) -> None:
         assert self.folder is not None
@@ -194,11 +258,30 @@ class Run:
         writer = event_writer()
         if writer is None or self.folder is None:
             return
-        with writer(str(self.folder / "events"), filename_suffix=f".{row.iteration}") as events:
-            for name in COLUMNS[1:]:
-                events.add_scalar(name, getattr(row, name), row.iteration)
-            for name, value in row.more.items():
-                events.add_scalar(name, value, row.iteration)
+        folder, suffix = self.folder / EVENTS_FOLDER, f".{row.iteration}"
+        for earlier in folder.glob(f"*{suffix}"):  # of a process that was killed after it
+            earlier.unlink()
+        with writer(str(folder), filename_suffix=suffix) as events:
+            for name, value in {**asdict(row), **row.more}.items():
+                if name not in ("iteration", "more"):
+                    events.add_scalar(name, value, row.iteration)
+
+
+class _Pace:
+    """How long the iterations that are left will take.
+
+    Args:
+        training: as it is when the clock starts.
+    """
+
+    def __init__(self, training: Training) -> None:
+        self.first, self.last = training.iteration, training.iterations
+        self.began = time.monotonic()
+
+    def left_s(self, iteration: int) -> float:
+        """Seconds, if the rest goes as fast as what was done since the start."""
+        each = (time.monotonic() - self.began) / max(iteration - self.first, 1)
+        return each * (self.last - iteration)
 
 
 def event_writer() -> Callable[..., Any] | None:
@@ -214,3 +297,12 @@ def event_writer() -> Callable[..., Any] | None:
 
 def _plain(value: Any) -> Any:
     return json.loads(json.dumps(value))
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _finite(v) for key, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

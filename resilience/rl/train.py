@@ -38,7 +38,7 @@ def train(  # noqa: PLR0913 every one is an option of the command line
         method: name of the algorithm, see `resilience.rl.algorithms.registry.ALGORITHMS`.
         out: folder of the run, with several seeds of `seed-0`, `seed-1`, ... in it; nothing is
             kept if omitted.
-        resume: goes on with what is there.
+        resume: goes on with what is there; of several seeds, begins those that are not there.
         seeds: of weights, episodes and noise.
         budget_s: CPU-seconds of one thread for every seed, turned into iterations once.
         iterations: how many, in place of a budget.
@@ -81,7 +81,7 @@ def train(  # noqa: PLR0913 every one is an option of the command line
         folder = None if out is None else Path(out)
         if folder is not None and len(seeds) > 1:
             folder = folder / f"seed-{seed}"
-        has_begun = folder is not None and (folder / "last.safetensors").is_file()
-        goes_on = resume and (has_begun or len(seeds) == 1)
+        # Of several, those that never began are begun.
+        goes_on = resume and (len(seeds) == 1 or (folder is not None and folder.is_dir()))
         runs.append(Run(case, replace(options, seed=seed), folder, goes_on).train())
     return runs

@@ -18,7 +18,7 @@ import torch
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.errors import SolverError
+from resilience.errors import SolverError, UsageError
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.evaluation.compare import parse_error
 from resilience.rl.algorithms.registry import Algorithm, algorithm
@@ -32,6 +32,7 @@ from resilience.simulation.world import World
 
 TIMED_ITERATIONS = 3  # on a throwaway learner, to turn a budget into iterations
 EXPLODED = 1e4  # times the first loss
+DEVICES = ("cpu", "cuda")
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,7 @@ class Training:
     """
 
     def __init__(self, case: Case, options: TrainingOptions) -> None:
+        check_device(options.device)
         torch.set_num_threads(1)
         self.case, self.options = case, options
         self.algorithm: Algorithm = algorithm(options.method)
@@ -131,25 +133,50 @@ class Training:
 
         Args:
             on_row: called with every line of the log, and whether its policy is the best so far.
-            on_iteration: called after every iteration.
+            on_iteration: called after every iteration, when its line is in the log if it has one.
+
+        Raises:
+            SolverError: the loss or a weight is no number, or the loss has exploded.
         """
         due = self._validations()
-        while self.iteration < self.iterations:
+        while self.iteration < self.iterations and not self.is_stuck:
             began = time.process_time()
             log = self.learner.iterate(Progress(self.iteration, self.iterations))
             self.cpu_s += time.process_time() - began
             self._check(log["loss"])
             self.iteration += 1
-            on_iteration()
             if self.iteration in due:
+                self.state()
                 row = self._row(log)
                 is_best = row.cost_per_day < self.best_cost
                 self.best_cost = min(row.cost_per_day, self.best_cost)
                 self.worse = 0 if is_best else self.worse + 1
                 on_row(row, is_best)
-                if self.options.patience and self.worse >= self.options.patience:
-                    return f"no better policy in {self.worse} validations"
+            on_iteration()
+        if self.is_stuck:
+            return f"no better policy in {self.worse} validations"
         return f"all {self.iterations} iterations done"
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether so many validations have brought nothing better that it is over."""
+        return 0 < self.options.patience <= self.worse
+
+    def state(self) -> dict[str, torch.Tensor]:
+        """The learner's state.
+
+        Raises:
+            SolverError: a number in it is none.
+        """
+        state = self.learner.state()
+        for name, value in state.items():
+            if value.is_floating_point() and bool(torch.isnan(value).any()):
+                raise SolverError(
+                    f"training of {self.options.method} stopped after iteration "
+                    f"{self.iteration}: {name} holds NaN",
+                    hint="lower the learning rate",
+                )
+        return state
 
     def _validations(self) -> set[int]:
         """Numbers of iterations after which the policy is judged, the last among them."""
@@ -166,9 +193,9 @@ class Training:
             self.first_loss = max(abs(loss), 1.0)
         if not math.isfinite(loss) or abs(loss) > EXPLODED * (self.first_loss or 1.0):
             raise SolverError(
-                f"training of {self.options.method} stopped at iteration {self.iteration}: its "
-                f"loss is {loss:g}",
-                hint="the best policy so far is kept; lower the learning rate",
+                f"training of {self.options.method} stopped in iteration {self.iteration + 1}: its "
+                f"loss is {loss:g}, after {self.first_loss or math.nan:g} in the first",
+                hint="lower the learning rate",
             )
 
     def _iterations_in(self, budget_s: float) -> int:
@@ -218,3 +245,20 @@ class Training:
             "band": self.env.band_name,
             "observer": self.env.observer_name,
         }
+
+
+def check_device(device: str) -> None:
+    """Refuses a device that there is not.
+
+    Raises:
+        UsageError: it is neither cpu nor cuda, or cuda without a GPU.
+    """
+    if device not in DEVICES:
+        raise UsageError(
+            f"device {device!r}; allowed: {', '.join(DEVICES)}", hint="cpu is the default"
+        )
+    if device == "cuda" and not torch.cuda.is_available():
+        raise UsageError(
+            "device 'cuda' without a GPU that torch can use; allowed here: cpu",
+            hint="leave out --device; or install a build of torch for your GPU",
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
+    from resilience.rl.adapters.checks import Check
     from resilience.rl.run import Run
 
 
@@ -46,3 +47,26 @@ def print_runs(runs: Sequence[Run], console: Console) -> None:
             "judge it on the test days: resilience compare "
             f"{escape(first.case.name)} --methods rule,mpc,{first.name}"
         )
+
+
+def print_environment(
+    facts: dict[str, Any], checks: Sequence[Check], console: Console
+) -> None:
+    """What is seen and done in a case, and how the official checks went."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    console.print(
+        f"{escape(facts['case'])}: episodes of {facts['slots']} slots of {facts['step_min']:g} min, "
+        f"on {facts['days_to_begin_on']} training days"
+    )
+    agents = ", ".join(facts["agents"])
+    console.print(f"actions: {len(facts['agents'])} in [-1, 1], one per unit: {escape(agents)}", markup=False)
+    console.print(f"an observation has {facts['numbers']} numbers:")
+    table = Table(box=None, padding=(0, 2), pad_edge=False, show_header=False)
+    for name, count in facts["observation"].items():
+        table.add_row(escape(name), str(count))
+    console.print(table)
+    for check in checks:
+        reason = f" ({check.reason})" if check.reason else ""
+        console.print(f"{check.verdict:>7}  {check.name}{reason}", markup=False)

@@ -1,0 +1,1 @@
+"""The same training ground as others expect it: Gymnasium and PettingZoo."""
