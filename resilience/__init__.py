@@ -33,11 +33,13 @@ if TYPE_CHECKING:
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
     from resilience.plots.hazard import plot_hazard
+    from resilience.plots.learning import plot_learning
     from resilience.plots.plan import plot_plan
     from resilience.plots.report import plot_report
     from resilience.plots.scenario_plan import plot_scenario_plan
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
+    from resilience.rl.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
     from resilience.simulation.observation import Dispatcher, Observation
     from resilience.simulation.replay import replay
@@ -93,6 +95,7 @@ __all__ = [
     "load_scenario_plan",
     "parse_outages",
     "plot_hazard",
+    "plot_learning",
     "plot_plan",
     "plot_report",
     "plot_scenario_plan",
@@ -101,6 +104,7 @@ __all__ = [
     "replay",
     "sample_profiles",
     "solve",
+    "train",
     "water_values",
 ]
 

@@ -107,7 +107,9 @@ def env(
     check: Annotated[
         bool, typer.Option("--check", help="Run the official checks of Gymnasium and PettingZoo.")
     ] = False,
-    band: Annotated[str, typer.Option(help="How actions become MW: anchors or affine.")] = "anchors",
+    band: Annotated[
+        str, typer.Option(help="How actions become MW: anchors or affine.")
+    ] = "anchors",
     days: Annotated[int, typer.Option(help="Days of an episode.", min=1)] = 1,
     forecast_error: options.ForecastErrors = "none",
     unknown_centre: options.UnknownCentre = False,

@@ -72,9 +72,7 @@ def _lines(axis: Axes, curves: list[Curve]) -> None:
     for k, curve in enumerate(curves):
         colour = style.METHOD_COLOURS[0] if is_one else "#6b7280"
         label = None if is_one or k else "single seeds; a dot where each is best"
-        axis.plot(
-            curve.cpu_s, 100 * curve.gap, color=colour, lw=2 if is_one else 0.8, label=label
-        )
+        axis.plot(curve.cpu_s, 100 * curve.gap, color=colour, lw=2 if is_one else 0.8, label=label)
         best = int(np.argmin(curve.gap))
         axis.plot(curve.cpu_s[best], 100 * curve.gap[best], "o", color=colour, ms=4)
 

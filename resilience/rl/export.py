@@ -74,7 +74,9 @@ def export_policy(run: str | Path, to: str | Path) -> float:
 
 def about(header: Header) -> dict[str, Any]:
     """What an exported file says of itself, as plain data."""
-    return {k: v for k, v in asdict(header).items() if k not in ("format", "iteration")}
+    facts = asdict(header)
+    kept = ("method", "case", "schema", "config", "network", "versions")
+    return {name: facts[name] for name in kept} | header.notes
 
 
 def _write_npz(actor: nn.Module, header: Header, path: Path) -> None:

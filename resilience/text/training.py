@@ -49,9 +49,7 @@ def print_runs(runs: Sequence[Run], console: Console) -> None:
         )
 
 
-def print_environment(
-    facts: dict[str, Any], checks: Sequence[Check], console: Console
-) -> None:
+def print_environment(facts: dict[str, Any], checks: Sequence[Check], console: Console) -> None:
     """What is seen and done in a case, and how the official checks went."""
     from rich.markup import escape
     from rich.table import Table
@@ -61,7 +59,9 @@ def print_environment(
         f"on {facts['days_to_begin_on']} training days"
     )
     agents = ", ".join(facts["agents"])
-    console.print(f"actions: {len(facts['agents'])} in [-1, 1], one per unit: {escape(agents)}", markup=False)
+    console.print(
+        f"actions: {len(facts['agents'])} in [-1, 1], one per unit: {escape(agents)}", markup=False
+    )
     console.print(f"an observation has {facts['numbers']} numbers:")
     table = Table(box=None, padding=(0, 2), pad_edge=False, show_header=False)
     for name, count in facts["observation"].items():

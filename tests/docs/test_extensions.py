@@ -42,6 +42,7 @@ ROWS = {
     if line.startswith("| ") and (cells := [cell.strip() for cell in line.strip("|").split("|")])
 }
 ELSEWHERE = {
+    "algorithm": "tests/unit/rl/test_guide.py",
     "component": "tests/golden/test_golden.py",
     "structure": "tests/conformance/test_conformance.py",
 }

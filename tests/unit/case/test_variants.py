@@ -66,6 +66,7 @@ def test_a_wrong_setting_is_named(case_file, line, key):
 def test_variants_change_only_what_they_say():
     base, tou = load_case("ieee33"), load_case("ieee33-tou")
     grid, long, wide = (load_case(f"ieee33-{name}") for name in ("grid", "long", "wide"))
+    night = load_case("ieee33-night")
     broken = np.flatnonzero(grid.network.breakpoint)
     assert [grid.network.line_names[i] for i in broken] == ["1-2"]
     assert np.count_nonzero(tou.network.breakpoint) == 4
@@ -73,6 +74,8 @@ def test_variants_change_only_what_they_say():
     assert tou.outage == grid.outage == OutageTable(centres=CENTRES)
     assert long.outage == OutageTable(centres=CENTRES, duration_slots=(24, 48))
     assert wide.outage == OutageTable(centres=CENTRES, sigma_slots=8)
+    assert night.outage == OutageTable(centres=CENTRES, duration_slots=(24, 48), overnight=True)
+    assert night.outages == long.outages
     assert {o.stop - o.first for o in long.outages} <= set(range(24, 49))
     assert {o.stop - o.first for o in wide.outages} <= set(range(12, 16))
     assert base.ess == grid.ess == tou.ess == long.ess == wide.ess
@@ -84,6 +87,7 @@ def test_variants_change_only_what_they_say():
         ("ieee33-grid", 35.118, 0.0),
         ("ieee33-tou", 33.975, 0.0),
         ("ieee33-long", 157.668, 4.043),
+        ("ieee33-night", 157.668, 4.043),
         ("ieee33-wide", 34.358, 0.0),
     ],
 )

@@ -72,7 +72,9 @@ def small_storm_case(days: int = 8, step_h: int = 2) -> rs.Case:
         outages=["1-2@14:00-17:00"],
     )
     return case.replace(
-        outage=OutageTable(probability=0.7, centres=(40, 64), duration_slots=(16, 32), sigma_slots=6)
+        outage=OutageTable(
+            probability=0.7, centres=(40, 64), duration_slots=(16, 32), sigma_slots=6
+        )
     )
 
 
