@@ -146,7 +146,7 @@ def env(
 
 
 def _numbers(text: str) -> list[str]:
-    numbers = [part.strip() for part in text.split(",") if part.strip()]
+    numbers = [word.strip() for word in text.split(",") if word.strip()]
     if not all(number.isdigit() for number in numbers):
         raise UsageError(
             f"seeds {text!r}; allowed: whole numbers with commas", hint="--seeds 0,1,2"

@@ -9,7 +9,7 @@ import numpy as np
 
 from resilience.files import check_picture
 from resilience.plots import style
-from resilience.rl.curves import Curve, interval, load_curves
+from resilience.rl.curves import LearningCurve, interval, load_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def plot_learning(run: str | Path, path: str | Path | None = None) -> Figure:
         return style.write_figure(_draw(curves), path)
 
 
-def _draw(curves: list[Curve]) -> Figure:
+def _draw(curves: list[LearningCurve]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 3.8), layout="constrained")
@@ -67,7 +67,7 @@ def _draw(curves: list[Curve]) -> Figure:
     return figure
 
 
-def _lines(axis: Axes, curves: list[Curve]) -> None:
+def _lines(axis: Axes, curves: list[LearningCurve]) -> None:
     is_one = len(curves) == 1
     for k, curve in enumerate(curves):
         colour = style.METHOD_COLOURS[0] if is_one else "#6b7280"
@@ -77,7 +77,7 @@ def _lines(axis: Axes, curves: list[Curve]) -> None:
         axis.plot(curve.cpu_s[best], 100 * curve.gap[best], "o", color=colour, ms=4)
 
 
-def _heading(curves: list[Curve]) -> str:
+def _heading(curves: list[LearningCurve]) -> str:
     config, best = curves[0].config, [100 * curve.gap.min() for curve in curves]
     judged = f"best {best[0]:.2f} % over the bound"
     if len(best) > 1:

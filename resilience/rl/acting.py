@@ -18,23 +18,22 @@ Outputs = Callable[[Floats], Floats]
 """From observations (batch, numbers) to outputs (batch, units) in [-1, 1]."""
 
 
-def outputs(weights: Mapping[str, np.ndarray], seen: Floats) -> Floats:
+def outputs(weights: Mapping[str, np.ndarray], observations: Floats) -> Floats:
     """What a network of linear layers with ReLU between them and tanh at the end gives.
 
     Args:
         weights: `w0`, `b0`, `w1`, ... as `resilience export` writes them: (inputs, outputs) and
             (outputs,) of every layer.
-        seen: (batch, numbers).
+        observations: (batch, numbers).
 
     Returns:
         (batch, units) in [-1, 1].
     """
     last = sum(name.startswith("w") for name in weights) - 1
-    values = seen
+    values = observations
     for k in range(last):
         values = np.maximum(values @ weights[f"w{k}"] + weights[f"b{k}"], 0.0)
-    result: Floats = np.tanh(values @ weights[f"w{last}"] + weights[f"b{last}"])
-    return result
+    return np.tanh(values @ weights[f"w{last}"] + weights[f"b{last}"])
 
 
 def load_outputs(path: str | Path) -> tuple[Outputs, dict[str, Any]]:
@@ -50,7 +49,7 @@ def load_outputs(path: str | Path) -> tuple[Outputs, dict[str, Any]]:
     with reading(path, "exported policy"), np.load(path, allow_pickle=False) as file:
         weights = {name: file[name] for name in file.files if name != "about"}
         about: dict[str, Any] = json.loads(file["about"].tobytes())
-    return lambda seen: outputs(weights, seen), about
+    return lambda observations: outputs(weights, observations), about
 
 
 def layers(state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

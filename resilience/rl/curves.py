@@ -22,7 +22,7 @@ CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Curve:
+class LearningCurve:
     """What a run has logged.
 
     Attributes:
@@ -63,7 +63,7 @@ def run_folders(folder: Path) -> list[Path]:
     )
 
 
-def load_curves(folder: Path) -> list[Curve]:
+def load_curves(folder: Path) -> list[LearningCurve]:
     """The curves of the runs in a folder.
 
     Raises:
@@ -84,16 +84,16 @@ def load_curves(folder: Path) -> list[Curve]:
     return curves
 
 
-def _curve(run: Path) -> Curve:
+def _curve(run: Path) -> LearningCurve:
     with reading(run / CURVE_FILE, "learning curve"):
         with (run / CURVE_FILE).open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         config = json.loads((run / CONFIG_FILE).read_text("utf-8"))
         cpu_s, gap = (np.array([float(row[name]) for row in rows]) for name in ("cpu_s", "gap"))
-        return Curve(int(config["seed"]), cpu_s, gap, config)
+        return LearningCurve(int(config["seed"]), cpu_s, gap, config)
 
 
-def interval(curves: list[Curve], seed: int = 0) -> Interval:
+def interval(curves: list[LearningCurve], seed: int = 0) -> Interval:
     """The mean over seeds and its interval, over the time that all of them have.
 
     Args:

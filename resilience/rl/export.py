@@ -58,12 +58,12 @@ def export_policy(run: str | Path, to: str | Path) -> float:
     actor.load_state_dict(weights)
     actor.eval()
     rng = np.random.default_rng(0)
-    seen = rng.uniform(-1.0, 1.0, (CHECKED, inputs)).astype(np.float32)
+    observations = rng.uniform(-1.0, 1.0, (CHECKED, inputs)).astype(np.float32)
     with torch.no_grad():
-        expected = actor(torch.from_numpy(seen)).numpy()
+        expected = actor(torch.from_numpy(observations)).numpy()
     with replacing_file(to) as fresh:
         write(actor, header, fresh)
-        difference = float(np.abs(read(fresh, seen) - expected).max())
+        difference = float(np.abs(read(fresh, observations) - expected).max())
         if not difference <= TOLERANCE:
             raise SolverError(
                 f"{to.name} differs from the policy by {difference:.1e}; allowed: {TOLERANCE}",
@@ -75,8 +75,8 @@ def export_policy(run: str | Path, to: str | Path) -> float:
 def about(header: Header) -> dict[str, Any]:
     """What an exported file says of itself, as plain data."""
     facts = asdict(header)
-    kept = ("method", "case", "schema", "config", "network", "versions")
-    return {name: facts[name] for name in kept} | header.notes
+    names = ("method", "case", "schema", "config", "network", "versions")
+    return {name: facts[name] for name in names} | header.notes
 
 
 def _write_npz(actor: nn.Module, header: Header, path: Path) -> None:
@@ -90,8 +90,8 @@ def _write_npz(actor: nn.Module, header: Header, path: Path) -> None:
     np.savez(path, allow_pickle=False, about=text, **layers(state))
 
 
-def _read_npz(path: Path, seen: np.ndarray) -> Floats:
-    return load_outputs(path)[0](seen)
+def _read_npz(path: Path, observations: np.ndarray) -> Floats:
+    return load_outputs(path)[0](observations)
 
 
 def _write_pt2(actor: nn.Module, header: Header, path: Path) -> None:
@@ -101,10 +101,10 @@ def _write_pt2(actor: nn.Module, header: Header, path: Path) -> None:
     torch.export.save(program, path, extra_files={"about.json": json.dumps(about(header))})
 
 
-def _read_pt2(path: Path, seen: np.ndarray) -> Floats:
+def _read_pt2(path: Path, observations: np.ndarray) -> Floats:
     with torch.no_grad():
-        done: Floats = torch.export.load(path).module()(torch.from_numpy(seen)).numpy()
-    return done
+        outputs: Floats = torch.export.load(path).module()(torch.from_numpy(observations)).numpy()
+    return outputs
 
 
 def _write_onnx(actor: nn.Module, header: Header, path: Path) -> None:
@@ -127,12 +127,12 @@ def _write_onnx(actor: nn.Module, header: Header, path: Path) -> None:
     onnx.save(model, str(path))
 
 
-def _read_onnx(path: Path, seen: np.ndarray) -> Floats:
+def _read_onnx(path: Path, observations: np.ndarray) -> Floats:
     """By the reference implementation, which comes with the package."""
     from onnx.reference import ReferenceEvaluator
 
-    done: Floats = ReferenceEvaluator(str(path)).run(None, {"observation": seen})[0]
-    return done
+    outputs: Floats = ReferenceEvaluator(str(path)).run(None, {"observation": observations})[0]
+    return outputs
 
 
 FORMATS: dict[

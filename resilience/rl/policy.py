@@ -47,9 +47,9 @@ class Policy:
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        seen = self.observer.seen(observation)
+        numbers = self.observer.seen(observation)
         power: Floats = self.band.power(
-            self.outputs(seen).T,
+            self.outputs(numbers).T,
             observation.energy,
             observation.data,
             observation.island,
@@ -63,9 +63,9 @@ def _at_work(actor: nn.Module) -> Outputs:
         state = {k: v.detach().numpy().astype(float) for k, v in actor.state_dict().items()}
         return partial(outputs, layers(state))
 
-    def by_torch(seen: Floats) -> Floats:
+    def by_torch(numbers: Floats) -> Floats:
         with torch.no_grad():
-            return actor(torch.as_tensor(seen, dtype=torch.float32)).numpy().astype(float)
+            return actor(torch.as_tensor(numbers, dtype=torch.float32)).numpy().astype(float)
 
     return by_torch
 

@@ -183,14 +183,14 @@ class Run:
         path, training = folder / LAST_FILE, self.training
         tensors, header = load(path)
         check_fits(path, header, self.case, self.schema)
-        wanted = {k: v for k, v in training.config().items() if k != "budget_s"}
-        given = {k: header.config.get(k) for k in wanted}
-        differing = [k for k in wanted if _plain(wanted[k]) != _plain(given[k])]
+        config = {k: v for k, v in training.config().items() if k != "budget_s"}
+        earlier = {k: header.config.get(k) for k in config}
+        differing = [k for k in config if _plain(config[k]) != _plain(earlier[k])]
         if differing:
-            found = ", ".join(f"{k} = {wanted[k]!r}" for k in differing)
-            allowed = ", ".join(f"{k} = {given[k]!r}" for k in differing)
+            text = ", ".join(f"{k} = {config[k]!r}" for k in differing)
+            allowed = ", ".join(f"{k} = {earlier[k]!r}" for k in differing)
             raise UsageError(
-                f"{folder} cannot be resumed with {found}; allowed: {allowed}",
+                f"{folder} cannot be resumed with {text}; allowed: {allowed}",
                 hint="say the same as when it was begun, or train into a new folder",
             )
         for leftover in folder.glob(FRESH):
@@ -280,8 +280,8 @@ class _Pace:
 
     def left_s(self, iteration: int) -> float:
         """Seconds, if the rest goes as fast as what was done since the start."""
-        each = (time.monotonic() - self.began) / max(iteration - self.first, 1)
-        return each * (self.last - iteration)
+        seconds = time.monotonic() - self.began
+        return seconds / max(iteration - self.first, 1) * (self.last - iteration)
 
 
 def event_writer() -> Callable[..., Any] | None:

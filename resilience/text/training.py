@@ -55,8 +55,8 @@ def print_environment(facts: dict[str, Any], checks: Sequence[Check], console: C
     from rich.table import Table
 
     console.print(
-        f"{escape(facts['case'])}: episodes of {facts['slots']} slots of {facts['step_min']:g} min, "
-        f"on {facts['days_to_begin_on']} training days"
+        f"{escape(facts['case'])}: episodes of {facts['slots']} slots of "
+        f"{facts['step_min']:g} min, on {facts['days_to_begin_on']} training days"
     )
     agents = ", ".join(facts["agents"])
     console.print(

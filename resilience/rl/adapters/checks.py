@@ -57,7 +57,7 @@ def _results(checks: dict[str, Callable[[], None]]) -> Iterator[Check]:
             yield Check(name, "skipped", f"{package} is not installed")
             continue
         try:
-            # A check that only warns has found something; one that prints tells nobody.
+            # A check that only warns has found something; alone that prints tells nobody.
             with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
                 warnings.simplefilter("error")
                 _let_pass()
@@ -117,19 +117,19 @@ def vector_as_single(case: Case, options: dict[str, Any]) -> None:
     """
     from gymnasium.vector import AutoresetMode
 
-    one, many = make_env(case, **options), make_vec(case, 1, **options)
+    alone, many = make_env(case, **options), make_vec(case, 1, **options)
     assert isinstance(many.metadata["autoreset_mode"], AutoresetMode)
-    seen, wide = one.reset(seed=7)[0], many.reset(seed=7)[0]
-    assert np.array_equal(seen, wide[0])
+    numbers, wide = alone.reset(seed=7)[0], many.reset(seed=7)[0]
+    assert np.array_equal(numbers, wide[0])
     rng = np.random.default_rng(8)
     is_over = False
     while not is_over:
         action = rng.uniform(-1.0, 1.0, many.action_space.shape).astype(np.float32)
-        seen, reward, _, is_over, _ = one.step(action[0])
+        numbers, reward, _, is_over, _ = alone.step(action[0])
         wide, rewards, ended, truncated, info = many.step(action)
         assert wide in many.observation_space
         assert rewards[0] == reward
         assert truncated[0] == is_over
         assert not ended.any()
         last = info["final_obs"] if is_over else wide
-        assert np.array_equal(last[0], seen)
+        assert np.array_equal(last[0], numbers)

@@ -47,8 +47,8 @@ class DispatchEnv(gym.Env[np.ndarray, np.ndarray]):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One slot."""
-        seen, reward, is_over, info = self.play.step(np.asarray(action)[None])
-        return seen[0], float(reward[0]), False, is_over, first_of(info)
+        numbers, reward, is_over, info = self.play.step(np.asarray(action)[None])
+        return numbers[0], float(reward[0]), False, is_over, first_of(info)
 
 
 class DispatchVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
@@ -84,14 +84,14 @@ class DispatchVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One slot of every day."""
-        seen, reward, is_over, info = self.play.step(actions)
+        numbers, reward, is_over, info = self.play.step(actions)
         ones = np.ones(self.num_envs, bool)
         infos = masked(info, ones)
         if is_over:
-            infos = {"final_obs": seen, "_final_obs": ones, "final_info": infos}
+            infos = {"final_obs": numbers, "_final_obs": ones, "final_info": infos}
             infos["_final_info"] = ones
-            seen = self.play.reset(self.np_random)
-        return seen, reward, ~ones, ones & is_over, infos
+            numbers = self.play.reset(self.np_random)
+        return numbers, reward, ~ones, ones & is_over, infos
 
 
 def first_of(info: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -65,8 +65,8 @@ class DispatchParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     def step(self, actions: Values) -> tuple[Values, Values, Values, Values, Values]:
         """One slot; at its end all agents leave together."""
         action = np.array([np.asarray(actions[agent]).item() for agent in self.possible_agents])
-        seen, reward, is_over, info = self.play.step(action[None])
-        self._state, agents = seen[0], self.agents
+        numbers, reward, is_over, info = self.play.step(action[None])
+        self._state, agents = numbers[0], self.agents
         shared, gain = first_of(info), float(reward[0])
         infos = {
             agent: shared

@@ -38,13 +38,13 @@ class Played(NamedTuple):
     """What a slot brought.
 
     Attributes:
-        seen: (batch, numbers) float32, what is seen then.
+        numbers: (batch, numbers) float32, what is seen then.
         reward: (batch,) $.
         is_over: whether it was the last slot of the episodes.
         info: arrays with a leading batch axis, by name.
     """
 
-    seen: np.ndarray
+    numbers: np.ndarray
     reward: Floats
     is_over: bool
     info: dict[str, np.ndarray]
@@ -151,20 +151,20 @@ class Play:
         Raises:
             UsageError: the episodes are over, or actions of another shape, or that are no numbers.
         """
-        wanted = (self.n, len(self.units))
+        shape = (self.n, len(self.units))
         if self.t >= self.slots:
             raise UsageError("the episode is over; allowed: a step within it", hint="call reset")
         actions = np.asarray(actions, float)
-        if actions.shape != wanted or not np.isfinite(actions).all():
+        if actions.shape != shape or not np.isfinite(actions).all():
             raise UsageError(
-                f"actions of shape {actions.shape}, or not finite; allowed: numbers of {wanted}",
+                f"actions of shape {actions.shape}, or not finite; allowed: numbers of {shape}",
                 hint="a number in [-1, 1] for every storage unit",
             )
         t, output = self.t, clipped(actions.T)
-        asked = self.band.power(output, self.energy, self._data, self._island)
-        step = self._step(t, self.energy, asked)
+        request = self.band.power(output, self.energy, self._data, self._island)
+        step = self._step(t, self.energy, request)
         cost = self._cost(t, step)
-        info = self._info(step, asked, cost)
+        info = self._info(step, request, cost)
         self.energy, self.t = step.energy, t + 1
         is_over = self.t == self.slots
         if not is_over:
@@ -188,8 +188,8 @@ class Play:
 
     def _cost(self, t: int, step: Step) -> Floats:
         """(batch,) $ of slot t, in the last one less what the energy left is worth."""
-        left = self.setting.end_value_per_mwh * step.energy.sum(0)
-        return step.cost - left if t == self.slots - 1 else step.cost
+        credit = self.setting.end_value_per_mwh * step.energy.sum(0)
+        return step.cost - credit if t == self.slots - 1 else step.cost
 
     def _rolled_out(self) -> Floats:
         """(slots, batch) $ that the slots of the baseline cost."""
@@ -202,7 +202,7 @@ class Play:
             costs[t], energy = self._cost(t, step), step.energy
         return costs
 
-    def _info(self, step: Step, asked: Floats, cost: Floats) -> dict[str, np.ndarray]:
+    def _info(self, step: Step, request: Floats, cost: Floats) -> dict[str, np.ndarray]:
         """What happened, arrays (batch, ...) by name."""
         simulator, ops = self.simulator, array_ops(step.energy)
         prices = simulator.price(ops, self._data)
@@ -227,7 +227,7 @@ class Play:
             "shed_mwh": shed,
             "islands": np.array(islands),
             "lines_down": (~self._up).sum(0),
-            "asked_mw": asked.T,
+            "asked_mw": request.T,
             "done_mw": (step.charge - step.discharge).T,
         }
 
@@ -236,7 +236,7 @@ def _bounds(observer: Observer) -> tuple[np.ndarray, np.ndarray]:
     """(numbers,) lowest and highest value of every number of an observation, float32."""
     low, high = [], []
     for block in observer.blocks:
-        least, most = KNOWN.get(block.name, (-np.inf, np.inf))
-        low += [least - ROUNDING] * len(block.labels)
-        high += [most + ROUNDING] * len(block.labels)
+        bounds = KNOWN.get(block.name, (-np.inf, np.inf))
+        low += [bounds[0] - ROUNDING] * len(block.labels)
+        high += [bounds[1] + ROUNDING] * len(block.labels)
     return np.array(low, np.float32), np.array(high, np.float32)

@@ -16,7 +16,7 @@ SETTINGS: dict[str, Any] = {"batch": 3, "hidden": (5,), "learning_rate": 0.01}
 
 
 def small_storm_case(days: int = 8, step_h: int = 2) -> rs.Case:
-    """Days of some hours a slot: a grid behind a line that storms take down, load, PV, storage and a generator."""
+    """Days of some hours a slot; a line that storms take down is between the grid and all else."""
     hours = np.arange(0, 24 * days, step_h)
     shape = 0.6 + 0.3 * np.sin(2 * np.pi * hours / 24 + 0.3 * (hours // 24))
     light = np.maximum(np.sin(2 * np.pi * (hours % 24 - 6) / 24), 0.0)

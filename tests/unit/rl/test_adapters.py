@@ -1,4 +1,4 @@
-"""The training ground as Gymnasium and PettingZoo expect it, on shipped cases and by their checks."""
+"""The training ground as Gymnasium and PettingZoo expect it, by their own checks."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import pytest
 
 import resilience as rs
 from resilience.plots.saved import draw_run
-from resilience.rl.curves import Curve, interval, load_curves, run_folders
+from resilience.rl.curves import LearningCurve, interval, load_curves, run_folders
 
 
 def write_run(folder: Path, seed: int, gaps: list[float], case: str = "island") -> Path:
@@ -40,7 +40,7 @@ def test_seeds_are_read_in_order_and_one_run_alone(seeds: Path) -> None:
 def test_the_mean_of_seeds_is_taken_at_equal_times_that_all_have() -> None:
     """0.8 - 0.1 t and 0.5 - 0.05 t, given at other times, over [1.5, 4.5]."""
     curves = [
-        Curve(k, when, start - slope * when, {})
+        LearningCurve(k, when, start - slope * when, {})
         for k, (when, start, slope) in enumerate(
             [(np.array([0.5, 3.0, 4.5]), 0.8, 0.1), (np.array([1.5, 2.0, 6.5]), 0.5, 0.05)]
         )
@@ -60,7 +60,9 @@ def test_the_interval_covers_the_mean_as_often_as_it_says() -> None:
     held = 0
     for trial in range(300):
         gaps = 0.4 + 0.1 * rng.standard_normal((20, 2))
-        low, high = interval([Curve(k, when, g, {}) for k, g in enumerate(gaps)], seed=trial)[2:]
+        low, high = interval(
+            [LearningCurve(k, when, g, {}) for k, g in enumerate(gaps)], seed=trial
+        )[2:]
         held += low[0] <= 0.4 <= high[0]
     assert 0.90 <= held / 300 <= 0.97
 

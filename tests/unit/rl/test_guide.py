@@ -15,10 +15,10 @@ from tests.unit.rl.small import few_storms, small_storm_case
 pytest.importorskip("torch", reason="torch is not installed here: resilience[learn]")
 pytest.importorskip("safetensors", reason="safetensors is not installed here: resilience[learn]")
 
-from resilience.rl.algorithms.registry import ALGORITHMS  # noqa: E402
-from resilience.rl.export import export_policy  # noqa: E402
-from resilience.rl.run import Run  # noqa: E402
-from resilience.rl.trainer import TrainingOptions  # noqa: E402
+from resilience.rl.algorithms.registry import ALGORITHMS
+from resilience.rl.export import export_policy
+from resilience.rl.run import Run
+from resilience.rl.trainer import TrainingOptions
 
 
 def program(page: str, title: str, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""A training on disk: whatever interrupts it, what it keeps is right, and what is wrong is refused."""
+"""A training on disk: whatever interrupts it, it ends the same; what does not fit is refused."""
 
 from __future__ import annotations
 
