@@ -15,7 +15,7 @@ from resilience.rl.adapters.play import Play
 Values = dict[str, Any]
 
 
-class DispatchParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
+class DispatchParallelEnv(ParallelEnv):  # type: ignore[misc]  # it has no types
     """All agents see what is seen, each with the mark of its own place at the end, decide for one
     unit each, and are rewarded alike, with what the system saves.
 
@@ -33,10 +33,10 @@ class DispatchParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.render_mode = None
         low, high = self.play.bounds
         n = len(self.possible_agents)
-        wide = np.append(low, np.zeros(n)), np.append(high, np.ones(n))
+        low = np.append(low, np.zeros(n, np.float32))
+        high = np.append(high, np.ones(n, np.float32))
         self.observation_spaces = {
-            agent: gym.spaces.Box(*(side.astype(np.float32) for side in wide), dtype=np.float32)
-            for agent in self.possible_agents
+            agent: gym.spaces.Box(low, high, dtype=np.float32) for agent in self.possible_agents
         }
         self.action_spaces = {
             agent: gym.spaces.Box(-1.0, 1.0, (1,), np.float32) for agent in self.possible_agents

@@ -15,15 +15,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from resilience.rl import run as run_module
 from resilience.rl.checkpoint import load
-from resilience.rl.episodes import EpisodeSampler
 from resilience.rl.run import Run, event_writer
 from resilience.rl.trainer import TrainingOptions
-from tests.unit.rl.small import SETTINGS, small_storm_case
+from tests.unit.rl.small import SETTINGS, keyword_defaults, small_storm_case
 
 OPTIONS = TrainingOptions(iterations=5, validations=2, seed=4, settings=SETTINGS)
 OPERATIONS = {"open", "os.rename", "os.mkdir", "os.rmdir", "os.remove", "shutil.rmtree"}
@@ -31,18 +31,18 @@ OPERATIONS = {"open", "os.rename", "os.mkdir", "os.rmdir", "os.remove", "shutil.
 
 def main(folder: Path, moments: list[str]) -> None:
     """Trains, kills, resumes, and prints what came of it."""
-    EpisodeSampler.__init__.__kwdefaults__["storms"] = 40
+    keyword_defaults()["storms"] = 40
     run_module.CHECKPOINT_S = 0.0  # after every iteration
     event_writer()  # imported once, before all forks
     case = small_storm_case()
     for number, moment in enumerate(moments):
         place = folder / str(number)
-        killed = _forked(lambda place=place, moment=moment: _train(case, place, moment))
+        killed = _forked(partial(_train, case, place, moment))
         report: dict[str, Any] = {"moment": moment, "killed": killed == signal.SIGKILL}
         report["left"] = sorted(path.name for path in place.glob("*"))
         if killed:
             began = place.is_dir() and any(place.iterdir())
-            again = _forked(lambda place=place, began=began: _resume(case, place, began))
+            again = _forked(partial(_resume, case, place, began))
             report["resumed"] = again == 0
         report["facts"] = facts(place)
         print(json.dumps(report), flush=True)

@@ -80,5 +80,11 @@ def small_storm_case(days: int = 8, step_h: int = 2) -> rs.Case:
 
 def few_storms(monkeypatch: pytest.MonkeyPatch, storms: int = 40) -> None:
     """Fewer outage paths to draw batches from: they take most of the time of a small training."""
+    monkeypatch.setitem(keyword_defaults(), "storms", storms)
+
+
+def keyword_defaults() -> dict[str, Any]:
+    """Those of what draws episodes."""
     defaults = EpisodeSampler.__init__.__kwdefaults__
-    monkeypatch.setitem(defaults, "storms", storms)
+    assert defaults is not None
+    return defaults
