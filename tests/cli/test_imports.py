@@ -47,7 +47,10 @@ def lp_modules() -> list[str]:
 
 
 def test_help_imports_the_command_line_only() -> None:
-    light = ("cli", "dispatch", "dispatch.registry", "errors", "lazy", "progress")
+    light = (
+        *("cli", "dispatch", "dispatch.registry", "errors", "extras", "lazy", "progress"),
+        *("rl", "rl.algorithms", "rl.algorithms.registry"),
+    )
     names = modules_of("compare", "--help")
     allowed = {f"resilience.{name}" for name in light}
     assert {name for name in names if not name.startswith("resilience.cli.")} <= allowed
