@@ -70,7 +70,9 @@ def save(path: Path, tensors: Mapping[str, torch.Tensor], header: Header) -> Non
     plain = {n: value.detach().cpu().clone().contiguous() for n, value in tensors.items()}
     text = json.dumps(asdict(header), sort_keys=True)
     with replacing_file(path) as fresh:
-        save_file(plain, fresh, {"header": text, "sha256": _digest(text, plain)})
+        # One entry, since several would be written in any order.
+        facts = {"header": text, "sha256": _digest(text, plain)}
+        save_file(plain, fresh, {"resilience": json.dumps(facts)})
         with fresh.open("rb+") as written:
             os.fsync(written.fileno())
 
@@ -85,8 +87,9 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
 
     try:
         with safe_open(path, framework="pt") as opened:
-            facts = opened.metadata() or {}
+            entry = (opened.metadata() or {}).get("resilience", "{}")
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
+        facts = json.loads(entry)
         text = facts.get("header", "")
         header = Header(**json.loads(text))
         if facts.get("sha256") != _digest(text, tensors):
@@ -95,7 +98,7 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
         raise UsageError(
             f"{path} does not exist", hint="`resilience train --out RUN` writes such files"
         ) from None
-    except (SafetensorError, OSError, ValueError, TypeError) as error:
+    except (SafetensorError, OSError, ValueError, TypeError, AttributeError) as error:
         raise UsageError(
             f"{path} cannot be read as a checkpoint ({error})",
             hint="it is torn or none of `resilience train`; delete it and train again",
