@@ -136,9 +136,9 @@ class Anchors:
 
     def _shared(self, ops: ArrayOps, give: Array, take: Array, island: Array) -> list[Array]:
         """(units, batch) what the units of the island can give and take together, never 0."""
-        least, place = self._least.as_array(ops), self._at_bus.as_matrix(ops)
+        smallest, place = self._least.as_array(ops), self._at_bus.as_matrix(ops)
         return [
-            ops.maximum(self._of_units(ops, place @ power, island, power.shape[-1]), least)
+            ops.maximum(self._of_units(ops, place @ power, island, power.shape[-1]), smallest)
             for power in (give, take)
         ]
 

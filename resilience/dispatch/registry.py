@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, cast
 
 from resilience.errors import UsageError
 from resilience.extras import need
@@ -135,8 +135,7 @@ class LearnedEntry:
         need("learn", f"{self.method}:{self.run}", "torch", "safetensors")
         module, _, name = LEARNED_LOADER.partition(":")
         load = getattr(import_module(module), name)
-        made: Dispatcher = load(setting, self.method, Path(self.run))
-        return made
+        return cast("Dispatcher", load(setting, self.method, Path(self.run)))
 
 
 def factory_of(name: str) -> Factory:

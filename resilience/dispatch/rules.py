@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from resilience.arrays import Floats
@@ -38,8 +40,7 @@ class Greedy:
     def act(self, observation: Observation) -> Floats:
         """Discharge by the net demand of the island, charge by its surplus."""
         actions = _actions(self.anchors, observation)
-        power: Floats = actions.spare if self.generators_first else actions.serve
-        return power
+        return cast("Floats", actions.spare if self.generators_first else actions.serve)
 
 
 class Rule:
@@ -57,8 +58,7 @@ class Rule:
 
     def act(self, observation: Observation) -> Floats:
         """Towards the level with a grid; what generators leave without."""
-        power: Floats = _actions(self.anchors, observation).rule
-        return power
+        return cast("Floats", _actions(self.anchors, observation).rule)
 
 
 def _actions(anchors: Anchors, observation: Observation) -> Actions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import nn
@@ -28,11 +29,11 @@ class AgentActors(nn.Module):
         self.units = units
         self.body = stacked_mlp(units, [1 + inputs - units, *hidden, 1], generator)
 
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+    def forward(self, observed: torch.Tensor) -> torch.Tensor:
         """(batch, units) outputs in [-1, 1]."""
-        own = seen[:, : self.units].T[..., None]
-        world = seen[:, self.units :].expand(self.units, -1, -1)
-        outputs: torch.Tensor = torch.tanh(self.body(torch.cat([own, world], -1)))
+        own_state = observed[:, : self.units].T[..., None]
+        world = observed[:, self.units :].expand(self.units, -1, -1)
+        outputs: torch.Tensor = torch.tanh(self.body(torch.cat([own_state, world], -1)))
         return outputs[..., 0].T
 
 
@@ -51,18 +52,19 @@ class GruActors(nn.Module):
         self.encoder = StackedGru(units, (inputs - 2 * units) // WINDOW, WINDOW, generator)
         self.body = stacked_mlp(units, [18, 64, 64, 1], generator, norm=True)
 
-    def features(self, seen: torch.Tensor) -> torch.Tensor:
+    def features(self, observed: torch.Tensor) -> torch.Tensor:
         """(units, batch, 16) what each agent's GRU makes of the window."""
-        features: torch.Tensor = self.encoder(seen[:, 2 * self.units :])
-        return features
+        return cast("torch.Tensor", self.encoder(observed[:, 2 * self.units :]))
 
-    def of_features(self, seen: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
+    def of_features(self, observed: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """(batch, units) outputs in [-1, 1], the features known already."""
-        own = torch.stack([seen[:, : self.units], seen[:, self.units : 2 * self.units]], -1)
-        state = torch.cat([own.transpose(0, 1), features], -1)
+        own_state = torch.stack(
+            [observed[:, : self.units], observed[:, self.units : 2 * self.units]], -1
+        )
+        state = torch.cat([own_state.transpose(0, 1), features], -1)
         outputs: torch.Tensor = torch.tanh(self.body(state))
         return outputs[..., 0].T
 
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+    def forward(self, observed: torch.Tensor) -> torch.Tensor:
         """(batch, units) outputs in [-1, 1]."""
-        return self.of_features(seen, self.features(seen))
+        return self.of_features(observed, self.features(observed))

@@ -1,6 +1,6 @@
 """From a number in [-1, 1] per unit to MW: how it is done decides more than the algorithm.
 
-- `Affine` is the paper's mask, its eq. (18): the whole range that a unit has now, efficiencies
+- `AffineBand` is the paper's mask, its eq. (18): the whole range that a unit has now, efficiencies
   included.
 - `AnchorBand` puts -1 on serving all that helps, 0 on what the rule does, and +1 on charging fully,
   straight lines between: what the recourse makes a kink of is an end of the band or its middle, and
@@ -39,7 +39,7 @@ class Band(Protocol):
         """
 
 
-class Affine:
+class AffineBand:
     """The paper's mask.
 
     Args:
@@ -89,7 +89,7 @@ def band(name: str, plant: Plant) -> Band:
             f"band {name!r} is unknown; allowed: {', '.join(BANDS)}",
             hint="anchors is the default, affine is the paper's",
         )
-    return AnchorBand(plant) if name == "anchors" else Affine(plant)
+    return AnchorBand(plant) if name == "anchors" else AffineBand(plant)
 
 
 def clipped(output: Array) -> Array:

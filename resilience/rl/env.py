@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 import numpy as np
 import torch
@@ -54,7 +54,7 @@ class Tape:
         episodes: where it comes from.
         data: (slots, n_data, batch) from `Simulator.stacked`, while all storage has energy to give.
         island: (slots, buses, batch).
-        seen: (slots, batch, numbers) the observations without storage.
+        observed: (slots, batch, numbers) the observations without storage.
         needs: what islands lack and have, slot by slot; empty where the band does not ask.
         priced: in which order sources are taken, slot by slot.
     """
@@ -62,7 +62,7 @@ class Tape:
     episodes: Episodes
     data: torch.Tensor
     island: torch.Tensor
-    seen: torch.Tensor
+    observed: torch.Tensor
     needs: list[Needs | None]
     priced: list[PricedBatch]
 
@@ -91,7 +91,7 @@ class BatchEnv:
             rewards tell what was decided from what the day costs anyway.
         device: where tensors live.
         dtype: their number type.
-        observer_name: what is seen, see `observers.OBSERVERS`.
+        observer_name: what is observed, see `observers.OBSERVERS`.
 
     Raises:
         UsageError: a microgrid whose step has no gradient.
@@ -150,16 +150,16 @@ class BatchEnv:
         eyes = observer(self.observer_name, episodes.setting)
         full = np.repeat(self.simulator.high, episodes.n, axis=1)
         shape = (episodes.slots, episodes.n, self.size - self.units)
-        now, seen = [], torch.empty(shape, dtype=self.dtype, device=self.device)
+        now, observed = [], torch.empty(shape, dtype=self.dtype, device=self.device)
         for t in range(episodes.slots):
             now.append(self._on_device(episodes.slot(t)))
-            seen[t] = self.tensor(eyes.world(episodes.observation(t, full))).T
+            observed[t] = self.tensor(eyes.world(episodes.observation(t, full))).T
         data, island, needs, priced = zip(*now, strict=True)
         return Tape(
             episodes,
             torch.stack(data),
             torch.stack(island),
-            seen,
+            observed,
             list(needs),
             list(priced),
         )
@@ -182,11 +182,11 @@ class BatchEnv:
         return Now(data, island, needs, self.simulator.priced(data))
 
     def observe(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
-        """(batch, numbers) what is seen in slot t with this much stored, (units, batch) MWh."""
-        return self.with_storage(energy, tape.seen[t])
+        """(batch, numbers) what is observed in slot t with this much stored, (units, batch) MWh."""
+        return self.with_storage(energy, tape.observed[t])
 
     def with_storage(self, energy: torch.Tensor, world: torch.Tensor) -> torch.Tensor:
-        """(batch, numbers) observations from what is stored and what is seen of the world."""
+        """(batch, numbers) observations from what is stored and what is observed of the world."""
         return torch.cat([((energy - self._low) / self._range).T, world], 1)
 
     def power(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
@@ -199,8 +199,9 @@ class BatchEnv:
         return self._step(now, energy, self._power(now, energy, output))
 
     def _power(self, now: Now, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
-        power: torch.Tensor = self.band.power(output.T, energy, now.data, now.island, now.needs)
-        return power
+        return cast(
+            "torch.Tensor", self.band.power(output.T, energy, now.data, now.island, now.needs)
+        )
 
     def _step(self, now: Now, energy: torch.Tensor, power: torch.Tensor) -> Step:
         return self.simulator.step(energy, power, now.data, now.island, now.priced)
@@ -210,15 +211,13 @@ class BatchEnv:
         if self.baseline == "idle":
             return torch.zeros_like(energy)
         anchors = self._anchors.actions(energy, now.data, now.island, now.needs)
-        power: torch.Tensor = anchors.rule
-        return power
+        return cast("torch.Tensor", anchors.rule)
 
     def _wear(self, tape: Tape, t: int, step: Step) -> torch.Tensor:
         """(units, batch) $ of wear of each unit."""
         ops, data = array_ops(step.energy), tape.data[t]
         charging, discharging = (price(ops, data) for price in self.simulator.storage_price)
-        wear: torch.Tensor = charging * step.charge + discharging * step.discharge
-        return wear
+        return cast("torch.Tensor", charging * step.charge + discharging * step.discharge)
 
     def credit(self, energy: torch.Tensor) -> torch.Tensor:
         """(batch,) $ that the energy left at the end of an episode is worth."""
@@ -273,5 +272,5 @@ class BatchEnv:
 
     def start(self, n: int) -> torch.Tensor:
         """(units, n) MWh, as the case starts."""
-        one = self.tensor(self.setting.start()[:, :1])
-        return one.repeat(1, n)
+        start_mwh = self.tensor(self.setting.start()[:, :1])
+        return start_mwh.repeat(1, n)

@@ -153,12 +153,12 @@ class EpisodeSampler:
         per_day = self.case.window.slots_per_day
         slots = self.case.slots if has_storm else days * per_day
         self.has_storm = has_storm
-        kept = 0 if has_storm else self._validation_days() * per_day
-        self.starts = np.arange(0, self.case.slots - kept - slots + 1, per_day)
+        validation_slots = 0 if has_storm else self._validation_days() * per_day
+        self.starts = np.arange(0, self.case.slots - validation_slots - slots + 1, per_day)
         if not len(self.starts):
             raise UsageError(
                 f"episodes of {days} days; allowed: up to "
-                f"{(self.case.slots - kept) // per_day}, the days for training",
+                f"{(self.case.slots - validation_slots) // per_day}, the days for training",
                 hint="the last training days are for validation, the last quarter for tests",
             )
         episode = self.case.replace(slots=slots)

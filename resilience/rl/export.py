@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -131,8 +131,7 @@ def _read_onnx(path: Path, observations: np.ndarray) -> Floats:
     """By the reference implementation, which comes with the package."""
     from onnx.reference import ReferenceEvaluator
 
-    outputs: Floats = ReferenceEvaluator(str(path)).run(None, {"observation": observations})[0]
-    return outputs
+    return cast("Floats", ReferenceEvaluator(str(path)).run(None, {"observation": observations})[0])
 
 
 FORMATS: dict[

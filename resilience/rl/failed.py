@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -34,10 +35,10 @@ class WithFailed:
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        power: Floats = np.where(
-            self.failed, self.outer.act(observation), self.inner.act(observation)
+        return cast(
+            "Floats",
+            np.where(self.failed, self.outer.act(observation), self.inner.act(observation)),
         )
-        return power
 
 
 class FailedEntry:

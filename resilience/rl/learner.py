@@ -83,10 +83,10 @@ def optimiser_state(optimiser: torch.optim.Adam) -> dict[str, torch.Tensor]:
 
 def load_optimiser(optimiser: torch.optim.Adam, state: Mapping[str, torch.Tensor]) -> None:
     """Puts back what `optimiser_state` gave."""
-    whole = optimiser.state_dict()
+    complete = optimiser.state_dict()
     moments: dict[int, dict[str, torch.Tensor]] = {}
     for key, value in state.items():
         number, _, name = key.partition(".")
         moments.setdefault(int(number), {})[name] = value
-    whole["state"] = moments
-    optimiser.load_state_dict(whole)
+    complete["state"] = moments
+    optimiser.load_state_dict(complete)

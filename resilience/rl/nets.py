@@ -63,10 +63,9 @@ class Actor(nn.Module):
         """Whether it is linear layers with ReLU between them, as `acting.outputs` takes it."""
         return all(isinstance(layer, nn.Linear | nn.ReLU) for layer in self.body)
 
-    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+    def forward(self, observed: torch.Tensor) -> torch.Tensor:
         """Outputs."""
-        outputs: torch.Tensor = torch.tanh(self.body(seen))
-        return outputs
+        return torch.tanh(self.body(observed))
 
 
 class Average:

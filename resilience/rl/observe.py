@@ -20,13 +20,13 @@ from resilience.dispatch.memory import Memory
 from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.setting import Setting
 
-HOURS_EXACT = 2.0  # ahead in which every slot is seen; beyond, every hour
+HOURS_EXACT = 2.0  # ahead in which every slot is observed; beyond, every hour
 HOURS_AHEAD = 12.0
 REFERENCE_H = 4.0  # a line's outage of this length is 1
 
 
 @dataclass(frozen=True)
-class Block:
+class ObservationBlock:
     """Some numbers of an observation.
 
     Attributes:
@@ -85,7 +85,7 @@ class Observer:
         self._low = simulator.low
         self._range = np.maximum(simulator.high - simulator.low, 1e-9)
 
-    def _blocks(self) -> tuple[Block, ...]:
+    def _blocks(self) -> tuple[ObservationBlock, ...]:
         simulator, setting = self.setting.simulator, self.setting
         buses = [setting.microgrid.network.bus_names[b] for b in self._buses]
         size = np.maximum(self._demand.sum(1), self._supply.sum(1))[self._buses]
@@ -95,20 +95,20 @@ class Observer:
         ones = (1.0,) * len(lines)
         both = tuple(size.tolist())
         return (
-            Block("soc_of_band", simulator.units, (1.0,) * len(simulator.units)),
-            Block("line_up", lines, ones),
-            Block("line_down_h", lines, (REFERENCE_H,) * len(lines)),
-            Block("line_failed_before", lines, ones),
-            Block("clock", ("sin", "cos", "horizon_left"), (1.0, 1.0, 1.0)),
-            Block("hazard_peak_h", ("known", "ahead"), (1.0, REFERENCE_H)),
-            Block("demand_mw", tuple(buses), both),
-            Block("weather_mw", tuple(buses), both),
-            Block(
+            ObservationBlock("soc_of_band", simulator.units, (1.0,) * len(simulator.units)),
+            ObservationBlock("line_up", lines, ones),
+            ObservationBlock("line_down_h", lines, (REFERENCE_H,) * len(lines)),
+            ObservationBlock("line_failed_before", lines, ones),
+            ObservationBlock("clock", ("sin", "cos", "horizon_left"), (1.0, 1.0, 1.0)),
+            ObservationBlock("hazard_peak_h", ("known", "ahead"), (1.0, REFERENCE_H)),
+            ObservationBlock("demand_mw", tuple(buses), both),
+            ObservationBlock("weather_mw", tuple(buses), both),
+            ObservationBlock(
                 "net_demand_mw",
                 tuple(f"{bus}{k}" for k in later for bus in buses),
                 both * len(later),
             ),
-            Block(
+            ObservationBlock(
                 "price_pu",
                 tuple(f"{name}{k}" for name in self.prices for k in later),
                 tuple(x for x in price for _ in later),
@@ -136,7 +136,7 @@ class Observer:
         """A digest of what an observation holds: a policy fits no other."""
         return digest_of_blocks(self.blocks)
 
-    def seen(self, observation: Observation) -> np.ndarray:
+    def observed(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
         energy = observation.energy.astype(np.float32)
         world = self.world(observation).astype(np.float32)
@@ -148,7 +148,7 @@ class Observer:
         return (energy - low) / width
 
     def world(self, observation: Observation) -> Floats:
-        """(numbers but those of storage, batch) what is seen of the world; once in each slot."""
+        """(numbers but those of storage, batch) what the world is like; once in each slot."""
         self.memory.update(observation)
         t, batch = observation.t, observation.line_up.shape[1]
         case = self.setting.case
@@ -181,12 +181,12 @@ class Observer:
         """
         if self.setting.error_correlation is not None:
             return self._foreseen(forecast, slots, batch)
-        known = {s: values for s, values in self._known.items() if s >= slots[0]}
-        new = [s for s in slots.tolist() if s not in known]
+        by_slot = {s: values for s, values in self._known.items() if s >= slots[0]}
+        new = [s for s in slots.tolist() if s not in by_slot]
         if new:
-            known |= zip(new, self._foreseen(forecast, np.array(new), batch), strict=True)
-        self._known = known
-        return np.array([known[s] for s in slots.tolist()])
+            by_slot |= zip(new, self._foreseen(forecast, np.array(new), batch), strict=True)
+        self._known = by_slot
+        return np.array([by_slot[s] for s in slots.tolist()])
 
     def _foreseen(self, forecast: Forecast, slots: Ints, batch: int) -> Floats:
         net = (self._demand - self._supply)[self._buses]
@@ -199,17 +199,17 @@ class Observer:
     def _clock(self, t: int) -> Floats:
         case = self.setting.case
         angle = 2.0 * np.pi * case.window.slot_of_day(t) / case.window.slots_per_day
-        left = 0.0 if self.daily else 1.0 - t / case.slots
-        return np.array([np.sin(angle), np.cos(angle), left])
+        horizon_left = 0.0 if self.daily else 1.0 - t / case.slots
+        return np.array([np.sin(angle), np.cos(angle), horizon_left])
 
     def _centre(self, t: int, centre: Ints) -> Floats:
         """(2, batch) whether the peak is known, and hours until it."""
-        known = centre >= 0
+        is_told = centre >= 0
         hours = centre * 0.25 - self.setting.case.window.slot_of_day(t) * self.setting.case.step_h
-        return np.stack([known * 1.0, np.where(known, hours, 0.0)])
+        return np.stack([is_told * 1.0, np.where(is_told, hours, 0.0)])
 
 
-def digest_of_blocks(blocks: Sequence[Block]) -> str:
+def digest_of_blocks(blocks: Sequence[ObservationBlock]) -> str:
     """A digest of what an observation holds."""
     text = json.dumps([(b.name, b.labels, b.scale) for b in blocks])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -226,7 +226,7 @@ def _weighted(matrix: Floats, profiles: list[Floats], slots: int, batch: int) ->
 
 
 def _slots_ahead(step_h: float) -> Ints:
-    """Slots from now that are seen: every one for two hours, then one an hour."""
+    """Slots from now that are observed: every one for two hours, then one an hour."""
     near = np.arange(max(round(HOURS_EXACT / step_h), 1))
     hours = np.arange(HOURS_EXACT, HOURS_AHEAD)
     return np.unique(np.concatenate([near, np.round(hours / step_h).astype(np.intp)]))

@@ -17,11 +17,13 @@ paper leaves open, and what is done here:
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.models.components import in_roles
-from resilience.rl.observe import Block, digest_of_blocks
+from resilience.rl.observe import ObservationBlock, digest_of_blocks
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 
@@ -57,9 +59,9 @@ class PaperObserver:
         units, per_day = simulator.units, float(setting.case.window.slots_per_day)
         window = tuple(f"{label}+{k}" for k in range(WINDOW) for label in labels)
         self.blocks = (
-            Block("soc_of_band", units, (1.0,) * len(units)),
-            Block("slots_to_peak", units, (per_day,) * len(units)),
-            Block("power_pu", window, (1.0,) * len(window)),
+            ObservationBlock("soc_of_band", units, (1.0,) * len(units)),
+            ObservationBlock("slots_to_peak", units, (per_day,) * len(units)),
+            ObservationBlock("power_pu", window, (1.0,) * len(window)),
         )
 
     @property
@@ -72,7 +74,7 @@ class PaperObserver:
         """A digest of what an observation holds: a policy fits no other."""
         return digest_of_blocks(self.blocks)
 
-    def seen(self, observation: Observation) -> np.ndarray:
+    def observed(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
         energy = observation.energy.astype(np.float32)
         world = self.world(observation).astype(np.float32)
@@ -94,5 +96,4 @@ class PaperObserver:
         counter = np.where(observation.centre >= 0, np.maximum(peak - now, 0.0), 0.0)
         units = len(self.setting.simulator.units)
         counters = np.repeat(counter[None] / window.slots_per_day, units, axis=0)
-        seen: Floats = np.concatenate([counters, rows.reshape(-1, rows.shape[-1])])
-        return seen
+        return cast("Floats", np.concatenate([counters, rows.reshape(-1, rows.shape[-1])]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError
-from resilience.rl.observe import Block, Observer
+from resilience.rl.observe import ObservationBlock, Observer
 from resilience.rl.observe_paper import PaperObserver
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
@@ -23,7 +23,7 @@ class Eyes(Protocol):
     """
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
+    def blocks(self) -> tuple[ObservationBlock, ...]:
         """See above."""
 
     @property
@@ -34,14 +34,14 @@ class Eyes(Protocol):
     def schema(self) -> str:
         """A digest of what an observation holds."""
 
-    def seen(self, observation: Observation) -> np.ndarray:
+    def observed(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
 
     def storage(self, energy: np.ndarray) -> np.ndarray:
-        """(units, batch) what is seen of storage."""
+        """(units, batch) what is observed of storage."""
 
     def world(self, observation: Observation) -> Floats:
-        """(numbers but those of storage, batch) what is seen of the world; once in each slot."""
+        """(numbers but those of storage, batch) what the world is like; once in each slot."""
 
 
 OBSERVERS: dict[str, Callable[[Setting], Eyes]] = {"full": Observer, "paper": PaperObserver}

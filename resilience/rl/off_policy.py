@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from copy import deepcopy
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from resilience.rl.learner import (
     under_prefix,
     with_prefix,
 )
-from resilience.rl.replay import Replay, Transitions
+from resilience.rl.replay import ReplayRing, Transitions
 
 COLLECT_STREAM, UPDATE_STREAM = 4, 5
 
@@ -106,7 +106,7 @@ class ReplayLearner(ABC):
     def __init__(self, env: BatchEnv, schedule: Schedule, seed: int, heads: int = 1) -> None:
         self.env, self.schedule, self.seed = env, schedule, seed
         self.generator = torch.Generator().manual_seed(seed)
-        self.replay = Replay(env, schedule.replay, schedule.environments, heads)
+        self.replay = ReplayRing(env, schedule.replay, schedule.environments, heads)
         self.networks: dict[str, nn.Module] = {}
         self.targets: dict[str, nn.Module] = {}
         self.optimisers: dict[str, torch.optim.Adam] = {}
@@ -183,18 +183,19 @@ class ReplayLearner(ABC):
 
     def _next(self, noise: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
         """Noise of the next slot, of variance 1 as that before."""
-        kept = self.schedule.noise_correlation
+        correlation = self.schedule.noise_correlation
         fresh = self.env.tensor(rng.standard_normal(noise.shape))
-        return kept * noise + (1.0 - kept**2) ** 0.5 * fresh
+        return correlation * noise + (1.0 - correlation**2) ** 0.5 * fresh
 
     def _output(
-        self, seen: torch.Tensor, noise: torch.Tensor, rng: np.random.Generator
+        self, observed: torch.Tensor, noise: torch.Tensor, rng: np.random.Generator
     ) -> torch.Tensor:
         """(environments, units) outputs; any in the warm-up, later the actor's with noise."""
         if self.steps < self.schedule.warm_up:
             return self.env.tensor(rng.uniform(-1.0, 1.0, noise.shape))
-        output: torch.Tensor = clipped(self.networks["actor"](seen) + self.schedule.noise * noise)
-        return output
+        return cast(
+            "torch.Tensor", clipped(self.networks["actor"](observed) + self.schedule.noise * noise)
+        )
 
     def weights(self) -> dict[str, torch.Tensor]:
         """The actor's weights."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import torch
 from torch import nn
@@ -47,14 +48,16 @@ class Policy:
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        numbers = self.observer.seen(observation)
-        power: Floats = self.band.power(
-            self.outputs(numbers).T,
-            observation.energy,
-            observation.data,
-            observation.island,
+        numbers = self.observer.observed(observation)
+        return cast(
+            "Floats",
+            self.band.power(
+                self.outputs(numbers).T,
+                observation.energy,
+                observation.data,
+                observation.island,
+            ),
         )
-        return power
 
 
 def _at_work(actor: nn.Module) -> Outputs:

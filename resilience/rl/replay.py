@@ -25,18 +25,23 @@ class Situations:
     """Some slots of some episodes, as the band and the networks need them.
 
     Attributes:
-        seen: (n, numbers) observations, storage included.
+        observed: (n, numbers) observations, storage included.
         energy: (units, n) MWh.
         data: (n_data, n) from `Simulator.stacked`.
         island: (buses, n).
         needs: of the islands; None where the band does not ask.
     """
 
-    seen: torch.Tensor
+    observed: torch.Tensor
     energy: torch.Tensor
     data: torch.Tensor
     island: torch.Tensor
     needs: Needs | None
+
+    @property
+    def of_band(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, Needs | None]:
+        """What a band needs to know apart from outputs."""
+        return self.energy, self.data, self.island, self.needs
 
 
 @dataclass(frozen=True)
@@ -58,7 +63,7 @@ class Transitions:
     discount: torch.Tensor
 
 
-class Replay:
+class ReplayRing:
     """A ring of tapes, each with what was done in it.
 
     Args:
@@ -117,13 +122,13 @@ class Replay:
     def transitions(self, rows: Ints, steps: int, discount: float) -> Transitions:
         """These rows, with what came within `steps` slots."""
         slots = self._per_tape // self.episodes
-        left = slots - rows % self._per_tape // self.episodes
+        slots_left = slots - rows % self._per_tape // self.episodes
         total: torch.Tensor | float = 0.0
         for k in range(steps):
-            counts = self.env.tensor(np.where(k < left, discount**k, 0.0))
-            later = rows + np.minimum(k, left - 1) * self.episodes
+            counts = self.env.tensor(np.where(k < slots_left, discount**k, 0.0))
+            later = rows + np.minimum(k, slots_left - 1) * self.episodes
             total = total + counts * self._done["reward"][:, self._index(later)]
-        is_over = steps >= left
+        is_over = steps >= slots_left
         later = rows + np.where(is_over, 0, steps) * self.episodes
         return Transitions(
             self.situations(rows),
@@ -135,16 +140,16 @@ class Replay:
 
     def situations(self, rows: Ints) -> Situations:
         """The situations of rows."""
-        index, seen = self._index(rows), self._seen
+        index, observed = self._index(rows), self._seen
         energy = self._done["energy"][:, index]
         needs = None
-        if "surplus" in seen:
-            needs = Needs(*(seen[name][:, index] for name in Needs._fields))
+        if "surplus" in observed:
+            needs = Needs(*(observed[name][:, index] for name in Needs._fields))
         return Situations(
-            self.env.with_storage(energy, seen["seen"][index]),
+            self.env.with_storage(energy, observed["observed"][index]),
             energy,
-            seen["data"][:, index],
-            seen["island"][:, index],
+            observed["data"][:, index],
+            observed["island"][:, index],
             needs,
         )
 
@@ -170,9 +175,9 @@ class Replay:
         self._per_tape = tape.slots * tape.n
         first = place * self._per_tape
         for name, values in _flat(tape).items():
-            axis = 0 if name == "seen" else 1
-            whole = self._seen.setdefault(name, self._room(values, axis))
-            whole.narrow(axis, first, self._per_tape).copy_(values)
+            axis = 0 if name == "observed" else 1
+            storage = self._seen.setdefault(name, self._room(values, axis))
+            storage.narrow(axis, first, self._per_tape).copy_(values)
         if not self._done:
             units, room = self.env.units, len(self.numbers) * self._per_tape
             shapes = {
@@ -180,7 +185,7 @@ class Replay:
                 "output": (room, units),
                 "reward": (self.heads, room),
             }
-            like = tape.seen
+            like = tape.observed
             self._done = {name: like.new_zeros(shape) for name, shape in shapes.items()}
         self.numbers[place] = number
 
@@ -193,7 +198,7 @@ class Replay:
 def _flat(tape: Tape) -> dict[str, torch.Tensor]:
     """What a tape shows, with its slots and episodes along one axis."""
     flat = {
-        "seen": tape.seen.flatten(0, 1),
+        "observed": tape.observed.flatten(0, 1),
         "data": tape.data.movedim(0, 1).flatten(1),
         "island": tape.island.movedim(0, 1).flatten(1),
     }

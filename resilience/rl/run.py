@@ -32,7 +32,7 @@ from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save
 from resilience.rl.curves import COLUMNS, CONFIG_FILE, CURVE_FILE
 from resilience.rl.learner import under_prefix, with_prefix
 from resilience.rl.observers import observer
-from resilience.rl.trainer import Row, Training, TrainingOptions
+from resilience.rl.trainer import LogRow, Training, TrainingOptions
 
 LOG_FILE = "log.jsonl"
 LAST_FILE, RESULT_FILE, EVENTS_FOLDER = "last.safetensors", "result.json", "events"
@@ -57,7 +57,7 @@ class Run:
     def __init__(
         self, case: Case, options: TrainingOptions, folder: Path | None, resume: bool = False
     ) -> None:
-        self.folder, self.rows, self.ended = folder, list[Row](), ""
+        self.folder, self.rows, self.ended = folder, list[LogRow](), ""
         goes_on = folder is not None and self._goes_on(folder, resume)
         if folder is not None and goes_on and options.iterations is None:
             header = load(folder / LAST_FILE)[1]
@@ -78,7 +78,7 @@ class Run:
         self.kept_at = time.monotonic()
 
     @property
-    def best(self) -> Row:
+    def best(self) -> LogRow:
         """The line of the best policy."""
         return min(self.rows, key=lambda row: row.cost_per_day)
 
@@ -89,7 +89,9 @@ class Run:
         return {
             "inputs": env.size,
             "units": list(env.simulator.units),
-            "observation": [asdict(block) for block in Observer(env.setting).blocks],
+            "observation": [
+                asdict(block) for block in observer(env.observer_name, env.setting).blocks
+            ],
         }
 
     @property
@@ -129,7 +131,7 @@ class Run:
         if self.folder is not None and time.monotonic() - self.kept_at > CHECKPOINT_S:
             self._keep()
 
-    def _on_row(self, row: Row, is_best: bool, progress: Meter, pace: _Pace) -> None:
+    def _on_row(self, row: LogRow, is_best: bool, progress: Meter, pace: _Pace) -> None:
         self.rows.append(row)
         progress.on(
             f"iteration {row.iteration} of {self.training.iterations}: "
@@ -201,7 +203,7 @@ class Run:
         training.cpu_s, training.worse = notes["cpu_s"], notes["worse"]
         training.best_cost = math.inf if notes["best_cost"] is None else notes["best_cost"]
         training.first_loss = notes["first_loss"]
-        self.rows = [Row(**row) for row in notes["rows"]]
+        self.rows = [LogRow(**row) for row in notes["rows"]]
         log.info(f"resumed at iteration {training.iteration} of {training.iterations}")
 
     def _goes_on(self, folder: Path, resume: bool) -> bool:
@@ -254,7 +256,7 @@ class Run:
         with replacing_file(self.folder / name) as fresh:
             fresh.write_text(text, encoding="utf-8")
 
-    def _events(self, row: Row) -> None:
+    def _events(self, row: LogRow) -> None:
         writer = event_writer()
         if writer is None or self.folder is None:
             return

@@ -92,13 +92,15 @@ class StackedGruLayer(nn.Module):
         gates = self.of_input(x).reshape(len(x), steps, -1, 3 * self.width).unbind(1)
         hidden = x.new_zeros((*gates[0].shape[:-1], self.width))
         every = []
-        for given in gates:
-            kept = self.of_hidden(hidden)
+        for gate_inputs in gates:
+            from_hidden = self.of_hidden(hidden)
             reset, update = torch.sigmoid(
-                given[..., : 2 * self.width] + kept[..., : 2 * self.width]
+                gate_inputs[..., : 2 * self.width] + from_hidden[..., : 2 * self.width]
             ).chunk(2, -1)
             fresh = torch.tanh(
-                torch.addcmul(given[..., 2 * self.width :], reset, kept[..., 2 * self.width :])
+                torch.addcmul(
+                    gate_inputs[..., 2 * self.width :], reset, from_hidden[..., 2 * self.width :]
+                )
             )
             hidden = torch.lerp(fresh, hidden, update)
             every.append(hidden)

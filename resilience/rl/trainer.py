@@ -71,7 +71,7 @@ class TrainingOptions:
 
 
 @dataclass(frozen=True)
-class Row:
+class LogRow:
     """A line of the log.
 
     Attributes:
@@ -122,13 +122,15 @@ class Training:
         )
         self.learner: Learner = self.algorithm.make(self.env, self.settings, options.seed)
         self.iteration, self.cpu_s = 0, 0.0
-        own = getattr(self.learner, "iterations", None)
-        self.iterations = options.iterations or own or self._iterations_in(options.budget_s)
+        schedule_length = getattr(self.learner, "iterations", None)
+        self.iterations = (
+            options.iterations or schedule_length or self._iterations_in(options.budget_s)
+        )
         self.best_cost = math.inf
         self.worse = 0
         self.first_loss: float | None = None
 
-    def run(self, on_row: Callable[[Row, bool], None], on_iteration: Callable[[], None]) -> str:
+    def run(self, on_row: Callable[[LogRow, bool], None], on_iteration: Callable[[], None]) -> str:
         """Trains to the end; returns why it ended, in words.
 
         Args:
@@ -205,8 +207,8 @@ class Training:
         began = time.process_time()
         for k in range(TIMED_ITERATIONS):
             trial.iterate(Progress(k, TIMED_ITERATIONS))
-        each = (time.process_time() - began) / TIMED_ITERATIONS
-        return max(int(budget_s / max(each, 1e-9)), 1)
+        iteration_s = (time.process_time() - began) / TIMED_ITERATIONS
+        return max(int(budget_s / max(iteration_s, 1e-9)), 1)
 
     def policy(self, world: World) -> Policy:
         """The policy as it is now, in a world."""
@@ -215,7 +217,7 @@ class Training:
         env = self.env
         return Policy(self.options.method, world.setting, actor, env.band_name, env.observer_name)
 
-    def _row(self, log: dict[str, float]) -> Row:
+    def _row(self, log: dict[str, float]) -> LogRow:
         world, bound = self.validation
         trajectory = simulate(world, self.policy(world))
         cost = trajectory.objective(world.end_value_per_mwh)
@@ -223,7 +225,7 @@ class Training:
         proven = world.scenarios.probability @ bound / self.validation_days
         more = {name: value for name, value in log.items() if name != "loss"}
         gap = (per_day - proven) / abs(proven)
-        return Row(self.iteration, self.cpu_s, log["loss"], float(per_day), float(gap), more)
+        return LogRow(self.iteration, self.cpu_s, log["loss"], float(per_day), float(gap), more)
 
     @cached_property
     def validation(self) -> tuple[World, Floats]:

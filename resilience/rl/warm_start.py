@@ -32,12 +32,12 @@ def load_start(name: str, actor: nn.Module, about: Mapping[str, Any], env: Batch
     weights, header = load(path)
     schema = observer(env.observer_name, env.setting).schema
     check_fits(path, header, env.setting.case, schema)
-    found = (header.method, header.network, header.config["band"])
+    start_facts = (header.method, header.network, header.config["band"])
     allowed = (method, dict(about), env.band_name)
-    if found != allowed:
+    if start_facts != allowed:
         raise UsageError(
-            f"{path} holds {found}, and the start of this training can be {allowed}; allowed: the "
-            "same method, network and band",
+            f"{path} holds {start_facts}, and the start of this training can be {allowed}; "
+            "allowed: the same method, network and band",
             hint="set the same actor, hidden and --band in both trainings",
         )
     actor.load_state_dict(weights)

@@ -312,10 +312,10 @@ class TorchOps:
         """min(max(x, 0), limit), as wide as x. The gradient is that of x up to the limit itself,
         and none where there is nothing to give: `minimum` would halve it between equals.
         """
-        wanted = x.clamp(min=0.0)
+        positive_part = x.clamp(min=0.0)
         if not (x.requires_grad or limit.requires_grad):
-            return wanted.minimum(limit)
-        return (wanted * (limit > 0.0)).where(wanted <= limit, limit)
+            return positive_part.minimum(limit)
+        return (positive_part * (limit > 0.0)).where(positive_part <= limit, limit)
 
     @staticmethod
     def clipped(x: torch.Tensor, *limits: torch.Tensor) -> torch.Tensor:

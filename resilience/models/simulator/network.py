@@ -25,7 +25,7 @@ from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator.arrays import ArrayOps, NumPyOps, array_ops
 from resilience.models.simulator.modes import modes
-from resilience.models.simulator.plant import STATE, Plant, Prices
+from resilience.models.simulator.plant import STATE, MemberPrices, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
 
@@ -79,8 +79,8 @@ class NetworkSimulator(Plant):
             return self._step(ops, groups[0], energy, action, data, island)
         members = [np.empty(0, np.intp) if g.members is None else g.members for g in groups]
         steps = [
-            self._step(ops, g, energy[:, at], action[:, at], data[:, at], island[:, at])
-            for g, at in zip(groups, members, strict=True)
+            self._step(ops, group, energy[:, k], action[:, k], data[:, k], island[:, k])
+            for group, k in zip(groups, members, strict=True)
         ]
         place = np.argsort(np.concatenate(members))
 
@@ -99,7 +99,7 @@ class NetworkSimulator(Plant):
     def _step(
         self,
         ops: ArrayOps,
-        paid: Prices,
+        paid: MemberPrices,
         energy: Floats,
         action: Floats,
         data: Floats,

@@ -29,7 +29,7 @@ STORAGE = ("ess.charge", "ess.discharge")
 
 
 @dataclass(frozen=True)
-class Prices:
+class MemberPrices:
     """Prices that some members of a batch have in common, $ per MW and step.
 
     Attributes:
@@ -161,7 +161,7 @@ class Plant:
             stacked[block.slice] = data[block.name]
         return stacked
 
-    def prices(self, data: Array) -> list[Prices]:
+    def prices(self, data: Array) -> list[MemberPrices]:
         """What the members of a batch pay: one entry for all where prices are equal, else as many
         as there are different prices. Reads the data back from their device.
         """
@@ -175,13 +175,13 @@ class Plant:
             for number, k in enumerate(first.tolist())
         ]
 
-    def _prices(self, data: Floats, members: Ints | None) -> Prices:
+    def _prices(self, data: Floats, members: Ints | None) -> MemberPrices:
         data = np.asarray(data, float)
         sources, *storage = (
             price.constant + price.coefficients @ data
             for price in (self.price, *self.storage_price)
         )
-        return Prices(members, sources, np.array(storage))
+        return MemberPrices(members, sources, np.array(storage))
 
     def limits(self, energy: Array, data: Array) -> tuple[Array, Array]:
         """(units, batch) lowest and highest charging power, MW, that keep every unit in its band.

@@ -15,7 +15,7 @@ from resilience.arrays import Floats, Ints
 from resilience.models.simulator.arrays import Array, ArrayOps
 from resilience.models.simulator.constants import Matrix
 from resilience.models.simulator.order import Order, Priced
-from resilience.models.simulator.plant import Prices
+from resilience.models.simulator.plant import MemberPrices
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class PricedBatch:
 def priced_batch(
     ops: ArrayOps,
     data: Array,
-    prices: Sequence[Prices],
+    prices: Sequence[MemberPrices],
     in_order: Callable[[Floats], list[Priced]],
     row: Callable[[Floats], Matrix | None],
     *,
@@ -82,18 +82,22 @@ def priced_batch(
         row: prices (units,) as a row; None where all are 0.
         apart: members of different prices are never joined.
     """
-    ways = [in_order(one.sources) for one in prices]
+    ways = [in_order(group_prices.sources) for group_prices in prices]
     if len(prices) == 1:
         return PricedBatch((_group(ops, data, prices, ways, None, row),))
     joined: dict[tuple[bytes, ...], list[int]] = {}
-    for k, one in enumerate(prices):
+    for k, group_prices in enumerate(prices):
         orders = [str(id(priced.order)).encode() for priced in ways[k]]
-        key = (one.sources.tobytes(),) if apart else (one.storage.tobytes(), *orders)
+        key = (
+            (group_prices.sources.tobytes(),)
+            if apart
+            else (group_prices.storage.tobytes(), *orders)
+        )
         joined.setdefault(key, []).append(k)
     groups, members = [], []
     for ones in joined.values():
         paid = [prices[k] for k in ones]
-        members.append(np.concatenate([_chosen(one) for one in paid]))
+        members.append(np.concatenate([_chosen(price) for price in paid]))
         chosen = ops.index(members[-1])
         groups.append(_group(ops, data, paid, [ways[k] for k in ones], chosen, row))
     place = np.argsort(np.concatenate(members), kind="stable")
@@ -103,7 +107,7 @@ def priced_batch(
 def _group(
     ops: ArrayOps,
     data: Array,
-    prices: Sequence[Prices],
+    prices: Sequence[MemberPrices],
     ways: list[list[Priced]],
     members: Array | None,
     row: Callable[[Floats], Matrix | None],
@@ -116,14 +120,14 @@ def _group(
         if len(same) == 1:
             of_group.append(Way(same[0].order, same[0].value, lowest[0], same[0].prices))
             continue
-        counts = [len(_chosen(one)) for one in prices]
+        counts = [len(_chosen(price)) for price in prices]
         wide = [ops.wide(cost, n) for cost, n in zip(lowest, counts, strict=True)]
-        each = np.repeat([priced.value for priced in same], counts, axis=0)
-        value = tuple(ops.array(tier) if tier.any() else 0.0 for tier in each.T)
+        tier_values = np.repeat([priced.value for priced in same], counts, axis=0)
+        value = tuple(ops.array(tier) if tier.any() else 0.0 for tier in tier_values.T)
         of_group.append(Way(same[0].order, value, ops.joined(wide), None))
     charge, discharge = (row(price) for price in prices[0].storage)
     return PriceGroup(members, (charge, discharge), tuple(of_group))
 
 
-def _chosen(prices: Prices) -> Ints:
+def _chosen(prices: MemberPrices) -> Ints:
     return np.empty(0, np.intp) if prices.members is None else prices.members

@@ -14,7 +14,7 @@ from resilience.rl.adapters.play import Play
 
 
 def spaces_of(play: Play) -> tuple[gym.spaces.Box, gym.spaces.Box]:
-    """What is seen, and an action in [-1, 1] for every unit."""
+    """What is observed, and an action in [-1, 1] for every unit."""
     low, high = play.bounds
     shape = (len(play.units),)
     return gym.spaces.Box(low, high, dtype=np.float32), gym.spaces.Box(-1.0, 1.0, shape, np.float32)

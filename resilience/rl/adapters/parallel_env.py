@@ -16,7 +16,7 @@ Values = dict[str, Any]
 
 
 class DispatchParallelEnv(ParallelEnv):  # type: ignore[misc]  # it has no types
-    """All agents see what is seen, each with the mark of its own place at the end, decide for one
+    """All agents see the same, each with the mark of its own place at the end, decide for one
     unit each, and are rewarded alike, with what the system saves.
 
     Args:
@@ -84,7 +84,7 @@ class DispatchParallelEnv(ParallelEnv):  # type: ignore[misc]  # it has no types
         return result
 
     def state(self) -> np.ndarray:
-        """What is seen, without anybody's mark."""
+        """What is observed, without anybody's mark."""
         return self._state
 
     def _seen(self) -> Values:

@@ -38,7 +38,7 @@ class Played(NamedTuple):
     """What a slot brought.
 
     Attributes:
-        numbers: (batch, numbers) float32, what is seen then.
+        numbers: (batch, numbers) float32, what is observed then.
         reward: (batch,) $.
         is_over: whether it was the last slot of the episodes.
         info: arrays with a leading batch axis, by name.
@@ -112,7 +112,7 @@ class Play:
         return self.simulator.units
 
     def facts(self) -> dict[str, Any]:
-        """What is seen and done here, as plain data."""
+        """What is observed and done here, as plain data."""
         blocks = Observer(self.setting).blocks
         return {
             "case": self.setting.case.name,
@@ -130,7 +130,7 @@ class Play:
         return self.setting.case.slots
 
     def reset(self, rng: np.random.Generator) -> np.ndarray:
-        """New episodes, drawn by a generator; (batch, numbers) float32, what is seen first."""
+        """New episodes, drawn by a generator; (batch, numbers) float32, what is observed first."""
         number = int(rng.integers(2**31))
         self.episodes: Episodes = self.sampler.draw(self.n, number)
         self.observer = Observer(self.episodes.setting)
@@ -172,7 +172,7 @@ class Play:
         return Played(self._seen(), self._baseline_cost[t] - cost, is_over, info)
 
     def _look(self) -> None:
-        """Takes notice of the slot; what is seen after the last one is the world as it was."""
+        """Takes notice of the slot; what is observed after the last one is the world as it was."""
         observation = self.episodes.observation(self.t, self.energy)
         self._data, self._island = observation.data, observation.island
         self._up = observation.line_up

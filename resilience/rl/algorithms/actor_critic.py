@@ -121,12 +121,14 @@ class ActorCritic(ReplayLearner):
 
     def update(self, sample: Transitions, rng: np.random.Generator, progress: Progress) -> float:
         """One step of the critics and, every `policy_delay`, one of the actor."""
-        critic, wanted = self.networks["critic"], self.wanted(sample, rng)
-        loss = (self._values(critic, sample.now, sample.output) - wanted).square().mean(1).sum()
+        critic, target_value = self.networks["critic"], self.target_value(sample, rng)
+        loss = (
+            (self._values(critic, sample.now, sample.output) - target_value).square().mean(1).sum()
+        )
         self._descend("critic", loss, self.settings.critic_rate)
         turn = self.updates - self.settings.head_start
         if turn >= 0 and turn % self.settings.policy_delay == 0:
-            output = self.networks["actor"](sample.now.seen)
+            output = self.networks["actor"](sample.now.observed)
             critic.requires_grad_(False)
             value = self._values(critic, sample.now, output)[0].mean()
             critic.requires_grad_(True)
@@ -134,23 +136,25 @@ class ActorCritic(ReplayLearner):
             self._descend("actor", self.settings.pull * output.square().mean() - value, rate)
         return float(loss.detach())
 
-    def wanted(self, sample: Transitions, rng: np.random.Generator) -> torch.Tensor:
+    def target_value(self, sample: Transitions, rng: np.random.Generator) -> torch.Tensor:
         """(1, n) what the critics should have said: rewards, then the least of the targets."""
         with torch.no_grad():
-            output = self.targets["actor"](sample.later.seen)
+            output = self.targets["actor"](sample.later.observed)
             if self.settings.target_noise:
                 noise = self.env.tensor(rng.standard_normal(output.shape)).clamp(-2.0, 2.0)
                 output = clipped(output + self.settings.target_noise * noise)
             values = self._values(self.targets["critic"], sample.later, output)
             return sample.rewards + sample.discount * values.amin(0, keepdim=True)
 
-    def _values(self, critic: nn.Module, at: Situations, output: torch.Tensor) -> torch.Tensor:
+    def _values(
+        self, critic: nn.Module, situation: Situations, output: torch.Tensor
+    ) -> torch.Tensor:
         """(critics, n) $ to come after outputs (n, units)."""
         if self.settings.critic_sees == "mw":
-            power = self.env.band.power(output.T, at.energy, at.data, at.island, at.needs)
+            power = self.env.band.power(output.T, *situation.of_band)
             output = (power / self._largest).T
-        given = torch.cat([at.seen, output], 1)
-        values: torch.Tensor = critic(given.expand(self.settings.critics, -1, -1))
+        critic_inputs = torch.cat([situation.observed, output], 1)
+        values: torch.Tensor = critic(critic_inputs.expand(self.settings.critics, -1, -1))
         return values[..., 0]
 
     def _descend(self, name: str, loss: torch.Tensor, rate: float) -> None:

@@ -24,7 +24,7 @@ from resilience.rl.learner import (
     with_prefix,
 )
 from resilience.rl.nets import Average, network
-from resilience.rl.replay import Replay
+from resilience.rl.replay import ReplayRing
 from resilience.rl.starts import mixed_starts
 
 TEACH_STREAM, FIT_STREAM = 8, 9
@@ -87,7 +87,7 @@ class Clone:
         self.averaged = Average(self.actor, settings.average)
         self.optimiser = torch.optim.Adam(self.actor.parameters(), settings.learning_rate)
         # Outputs of the replay are the teacher's MW here.
-        self.replay = Replay(env, settings.rounds, settings.environments)
+        self.replay = ReplayRing(env, settings.rounds, settings.environments)
         self.rounds, self.ends = 0, env.start(settings.environments)
         self._largest = env.largest_power().T
 
@@ -138,8 +138,8 @@ class Clone:
         energy = mixed_starts(env, self.ends, settings.carried_start, rng)
         low, high = env.tensor(env.simulator.low), env.tensor(env.simulator.high)
         for t in range(tape.slots):
-            seen = tape.episodes.observation(t, energy.cpu().numpy().astype(float))
-            power = env.tensor(teacher.act(seen))
+            observed = tape.episodes.observation(t, energy.cpu().numpy().astype(float))
+            power = env.tensor(teacher.act(observed))
             self.replay.add(energy, power.T, torch.zeros(tape.n, device=env.device))
             after = env.simulator.step(energy, power, tape.data[t], tape.island[t]).energy
             away = env.tensor(rng.standard_normal(after.shape)) * settings.noise * (high - low)
@@ -149,12 +149,12 @@ class Clone:
     def _fit(self, rng: np.random.Generator) -> float:
         """One step of the weights; returns its loss."""
         sample = self.replay.sample(self.settings.batch, rng, 1, 1.0)
-        at = sample.now
-        output = self.actor(at.seen)
-        power = self.env.band.power(output.T, at.energy, at.data, at.island, at.needs).T
-        low, high = self.env.simulator.limits(at.energy, at.data)
-        wanted = sample.output.clamp(low.T, high.T)
-        loss = ((power - wanted) / self._largest).square().mean()
+        situation = sample.now
+        output = self.actor(situation.observed)
+        power = self.env.band.power(output.T, *situation.of_band).T
+        low, high = self.env.simulator.limits(situation.energy, situation.data)
+        taught = sample.output.clamp(low.T, high.T)
+        loss = ((power - taught) / self._largest).square().mean()
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()

@@ -19,8 +19,8 @@ tables and equations leave fourteen things open or contradict each other; what i
 10. it sheds less when agents fail: `policy.with_failed` lets one see;
 11. its case of -15 % PV and +15 % load is a matter of the test, not of training;
 12. its computing time is mostly power flow, which is not in this loop;
-13. the mask is described as clipping and as rescaling: it is rescaling, `bands.Affine`, after the
-    noise, and on the targets' actions too, with efficiencies, which the paper's bounds leave out;
+13. the mask is described as clipping and as rescaling: it is rescaling, `bands.AffineBand`, after
+    noise and on the targets' actions too, with efficiencies, which the paper's bounds leave out;
 14. not stated at all, chosen here: normal noise on the output (`noise`), outputs at random in the
     warm-up, replay of all rounds, Adam, the worth of the end in the last reward and nothing
     bootstrapped after it, per-unit scales, counters that stay 0 after the peak and are the same for
@@ -34,7 +34,7 @@ An update falls on every multiple of 24 of the global step after the 8,000th: 1,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 import torch
@@ -68,7 +68,7 @@ class PaperMaddpgSettings:
         noise: standard deviation of what is added to outputs; the paper does not say.
         noise_correlation: of that from one slot to the next; the paper does not say.
         band: how outputs become MW.
-        observer: what is seen.
+        observer: what is observed.
     """
 
     variant: Literal["paper"] = "paper"
@@ -118,8 +118,8 @@ class PaperCritics(nn.Module):
             features: (units, n, 16) of each agent's GRU.
             actions: (units, n, units) what each critic is told that all agents do.
         """
-        given = torch.cat([states.expand(len(features), -1, -1), features], -1)
-        hidden = torch.relu(self.first_norm(self.first(given)))
+        critic_inputs = torch.cat([states.expand(len(features), -1, -1), features], -1)
+        hidden = torch.relu(self.first_norm(self.first(critic_inputs)))
         hidden = torch.relu(self.second_norm(self.second(hidden)))
         values: torch.Tensor = self.last(hidden + torch.relu(self.of_actions(actions)))
         return values[..., 0]
@@ -175,13 +175,13 @@ class PaperMaddpg(ReplayLearner):
         """Rows with the next slot."""
         return self.replay.sample(self.settings.batch, rng, 1, self.settings.discount)
 
-    def wanted(self, sample: Transitions) -> torch.Tensor:
+    def target_value(self, sample: Transitions) -> torch.Tensor:
         """(units, n) what the critics should have said, eq. (17)."""
         with torch.no_grad():
             actor, later = self.targets["actor"], sample.later
             assert isinstance(actor, GruActors)
-            features = actor.features(later.seen)
-            actions = self._actions(later, actor.of_features(later.seen, features))
+            features = actor.features(later.observed)
+            actions = self._actions(later, actor.of_features(later.observed, features))
             values = self.targets["critic"](self._states(later), features, self._for_all(actions))
             return sample.rewards + sample.discount * values
 
@@ -189,33 +189,32 @@ class PaperMaddpg(ReplayLearner):
         """Eqs. (18) to (24), all agents at once."""
         actor, critic, now = self.networks["actor"], self.networks["critic"], sample.now
         assert isinstance(actor, GruActors)
-        features, states = actor.features(now.seen), self._states(now)
-        known = features.detach()
+        features, states = actor.features(now.observed), self._states(now)
+        detached = features.detach()
         done = self._for_all(self._actions(now, sample.output))
-        loss = (critic(states, known, done) - self.wanted(sample)).square().mean(1).sum()
+        loss = (critic(states, detached, done) - self.target_value(sample)).square().mean(1).sum()
         self._descend("critic", loss)
-        actions = self._actions(now, actor.of_features(now.seen, features))
+        actions = self._actions(now, actor.of_features(now.observed, features))
         # Critic n tells agent n alone: what the others do now is given.
         theirs = torch.where(self._own, actions, actions.detach())
         critic.requires_grad_(False)
-        value = critic(states, known, theirs).mean(1).sum()
+        value = critic(states, detached, theirs).mean(1).sum()
         critic.requires_grad_(True)
         self._descend("actor", -value)
         return float(loss.detach()) / self.env.units
 
-    def _states(self, at: Situations) -> torch.Tensor:
+    def _states(self, situation: Situations) -> torch.Tensor:
         """(n, 2 units) states of charge and counters."""
-        return at.seen[:, : 2 * self.env.units]
+        return situation.observed[:, : 2 * self.env.units]
 
     def _for_all(self, actions: torch.Tensor) -> torch.Tensor:
         """(units, n, units) the same actions for every critic."""
         return actions.expand(self.env.units, -1, -1)
 
-    def _actions(self, at: Situations, output: torch.Tensor) -> torch.Tensor:
+    def _actions(self, situation: Situations, output: torch.Tensor) -> torch.Tensor:
         """(n, units) MW per unit of the largest, masked."""
-        power = self.env.band.power(output.T, at.energy, at.data, at.island, at.needs)
-        actions: torch.Tensor = (power / self._largest).T
-        return actions
+        power = self.env.band.power(output.T, *situation.of_band)
+        return cast("torch.Tensor", (power / self._largest).T)
 
     def _descend(self, name: str, loss: torch.Tensor) -> None:
         self.optimisers[name].zero_grad()

@@ -80,14 +80,14 @@ class Lived(NamedTuple):
     """Rows of a round: slots and episodes along the first axis.
 
     Attributes:
-        seen: (n, numbers) observations.
+        observed: (n, numbers) observations.
         output: (n, units) before they were cut.
         log_density: (n, units) of these outputs, when they were made.
         advantage: (n,) $ more than the critic expected.
         worth: (n,) $ what the critic should have said.
     """
 
-    seen: torch.Tensor
+    observed: torch.Tensor
     output: torch.Tensor
     log_density: torch.Tensor
     advantage: torch.Tensor
@@ -95,7 +95,7 @@ class Lived(NamedTuple):
 
 
 class Spread(nn.Module):
-    """Standard deviations of the outputs, whatever is seen.
+    """Standard deviations of the outputs, whatever is observed.
 
     Args:
         units: outputs.
@@ -172,7 +172,7 @@ class Mappo:
         rng = np.random.default_rng([self.seed, SHUFFLE_STREAM, self.rounds])
         for group in self.optimisers["actor"].param_groups:
             group["lr"] = self.settings.actor_rate * progress.cosine
-        losses = [self._learn(part) for part in self._parts(lived, rng)]
+        losses = [self._learn(minibatch) for minibatch in self._parts(lived, rng)]
         self.rounds += 1
         spread = float(self.spread.logarithm.detach().exp().mean())
         return {"loss": float(np.mean(losses)), "reward": saved, "spread": spread}
@@ -184,28 +184,30 @@ class Mappo:
         tape = env.draw(settings.environments, self.rounds)
         energy = mixed_starts(env, self.ends, settings.carried_start, rng)
         baseline_cost = env.baseline_cost(tape, energy)
-        seen, outputs, rewards = [], [], []
+        observed, outputs, rewards = [], [], []
         with torch.no_grad():
             deviation = self.spread.logarithm.exp()
             for t in range(tape.slots):
-                seen.append(env.observe(tape, t, energy))
+                observed.append(env.observe(tape, t, energy))
                 noise = env.tensor(rng.standard_normal((tape.n, env.units)))
-                outputs.append(self.actor(seen[-1]) + deviation * noise)
+                outputs.append(self.actor(observed[-1]) + deviation * noise)
                 step = env.step(tape, t, energy, clipped(outputs[-1]))
                 rewards.append(env.reward(tape, t, step, baseline_cost))
                 energy = step.energy
             self.ends = energy
-            return self._lived(torch.stack(seen), torch.stack(outputs), torch.stack(rewards))
+            return self._lived(torch.stack(observed), torch.stack(outputs), torch.stack(rewards))
 
     def _lived(
-        self, seen: torch.Tensor, output: torch.Tensor, rewards: torch.Tensor
+        self, observed: torch.Tensor, output: torch.Tensor, rewards: torch.Tensor
     ) -> tuple[Lived, float]:
-        values = self.critic(seen)[..., 0]
+        values = self.critic(observed)[..., 0]
         advantage = advantages(rewards, values, self.settings.discount, self.settings.decay)
-        log_density = self.spread.log_density(self.actor(seen.flatten(0, 1)), output.flatten(0, 1))
+        log_density = self.spread.log_density(
+            self.actor(observed.flatten(0, 1)), output.flatten(0, 1)
+        )
         worth = (advantage + values).flatten()
         scaled = (advantage - advantage.mean()) / (advantage.std() + 1e-6)
-        flat = seen.flatten(0, 1), output.flatten(0, 1), log_density, scaled.flatten(), worth
+        flat = observed.flatten(0, 1), output.flatten(0, 1), log_density, scaled.flatten(), worth
         return Lived(*flat), float(rewards.sum(0).mean())
 
     def _parts(self, lived: Lived, rng: np.random.Generator) -> Iterator[Lived]:
@@ -217,17 +219,19 @@ class Mappo:
                 rows = order[k * size : (k + 1) * size]
                 yield Lived(*(values[rows] for values in lived))
 
-    def _learn(self, part: Lived) -> float:
+    def _learn(self, minibatch: Lived) -> float:
         """One step of the actors and one of the critic; returns the critic's loss."""
-        log_density = self.spread.log_density(self.actor(part.seen), part.output)
-        ratio = (log_density - part.log_density).exp()
+        log_density = self.spread.log_density(self.actor(minibatch.observed), minibatch.output)
+        ratio = (log_density - minibatch.log_density).exp()
         within = ratio.clamp(1.0 - self.settings.clip, 1.0 + self.settings.clip)
-        gain = torch.minimum(ratio * part.advantage[:, None], within * part.advantage[:, None])
+        gain = torch.minimum(
+            ratio * minibatch.advantage[:, None], within * minibatch.advantage[:, None]
+        )
         entropy = self.spread.logarithm.sum()
         acting = [*self.actor.parameters(), *self.spread.parameters()]
         actor_loss = -gain.sum(1).mean() - self.settings.entropy * entropy
         self._descend("actor", actor_loss, acting)
-        loss = (self.critic(part.seen)[:, 0] - part.worth).square().mean()
+        loss = (self.critic(minibatch.observed)[:, 0] - minibatch.worth).square().mean()
         self._descend("critic", loss, list(self.critic.parameters()))
         return float(loss.detach())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from resilience.errors import UsageError
 
@@ -23,7 +23,7 @@ class Algorithm:
         settings: name of the dataclass of its settings there, or of what makes one from `variant`.
         band: how outputs become MW unless somebody asks for another.
         about: in a few words.
-        observer: what is seen.
+        observer: what is observed.
     """
 
     module: str
@@ -39,8 +39,9 @@ class Algorithm:
 
     def make(self, env: BatchEnv, settings: Any, seed: int) -> Learner:
         """A fresh learner."""
-        made: Learner = getattr(import_module(self.module), self.learner)(env, settings, seed)
-        return made
+        return cast(
+            "Learner", getattr(import_module(self.module), self.learner)(env, settings, seed)
+        )
 
     def settings_kind(self, **variant: str) -> Any:
         """The dataclass of its settings, of the variant if it has several.
@@ -48,8 +49,8 @@ class Algorithm:
         Raises:
             UsageError: an unknown variant.
         """
-        found = getattr(import_module(self.module), self.settings)
-        return found if isinstance(found, type) else found(**variant)
+        kind = getattr(import_module(self.module), self.settings)
+        return kind if isinstance(kind, type) else kind(**variant)
 
     def settings_of(self, values: dict[str, Any]) -> Any:
         """The settings with some values of one's own.

@@ -116,9 +116,9 @@ def test_the_rule_itself_earns_nothing_over_the_rule(case: rs.Case) -> None:
 def test_a_seed_is_a_seed_and_nothing_else_is(case: rs.Case) -> None:
     np.random.seed(1)  # noqa: NPY002 the global generator has no part in it
     first, second = make_env(case), make_env(case)
-    seen = first.reset(seed=21)[0]
+    observed = first.reset(seed=21)[0]
     np.random.seed(2)  # noqa: NPY002
-    np.testing.assert_array_equal(seen, second.reset(seed=21)[0])
+    np.testing.assert_array_equal(observed, second.reset(seed=21)[0])
     np.testing.assert_array_equal(first.reset()[0], second.reset()[0])
     free = make_env(case, random_start=True)
     assert (free.reset(seed=22)[0] != free.reset(seed=21)[0]).any()
@@ -130,11 +130,11 @@ def test_a_seed_is_a_seed_and_nothing_else_is(case: rs.Case) -> None:
 
 def test_agents_see_the_same_each_with_its_own_mark(case: rs.Case) -> None:
     env = make_parallel(case)
-    seen, _ = env.reset(seed=31)
+    observed, _ = env.reset(seed=31)
     assert env.agents == ["ess1", "ess2"]
-    np.testing.assert_array_equal(seen["ess1"][:-2], env.state())
-    np.testing.assert_array_equal(seen["ess1"][-2:], [1, 0])
-    np.testing.assert_array_equal(seen["ess2"][-2:], [0, 1])
+    np.testing.assert_array_equal(observed["ess1"][:-2], env.state())
+    np.testing.assert_array_equal(observed["ess1"][-2:], [1, 0])
+    np.testing.assert_array_equal(observed["ess2"][-2:], [0, 1])
     _, reward, _, _, info = env.step({"ess1": np.array([0.5]), "ess2": np.array([-0.25])})
     assert reward["ess1"] == reward["ess2"]
     assert info["ess1"]["asked_mw"] != info["ess2"]["asked_mw"]
@@ -146,15 +146,15 @@ def test_what_is_seen_is_what_a_policy_sees(case: rs.Case) -> None:
     from resilience.rl.env import BatchEnv
 
     play = Play(case, 4)
-    seen = play.reset(np.random.default_rng(41))
+    observed = play.reset(np.random.default_rng(41))
     env = BatchEnv(play.sampler)
     tape = env.tape(play.episodes)
     energy = env.start(4)
     for t in range(play.slots - 1):
-        np.testing.assert_array_equal(seen[:, 2:], tape.seen[t].numpy())
+        np.testing.assert_array_equal(observed[:, 2:], tape.observed[t].numpy())
         action = np.full((4, 2), 0.3 - 0.05 * t)
         step = env.step(tape, t, energy, env.tensor(action))
-        seen, _, _, info = play.step(action)
+        observed, _, _, info = play.step(action)
         np.testing.assert_allclose(info["cost_usd"], step.cost.numpy(), atol=1e-5)
         energy = step.energy
         np.testing.assert_allclose(play.energy, energy.numpy(), atol=1e-5)

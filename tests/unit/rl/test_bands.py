@@ -20,14 +20,14 @@ def simulator(case: str = "ieee33-tou") -> Simulator:
     return Simulator(Microgrid.build(rs.load_case(case), "copperplate"), 0.25)
 
 
-def at_the_edges(seen: Scene, plant: Simulator, rng: np.random.Generator) -> Scene:
+def at_the_edges(observed: Scene, plant: Simulator, rng: np.random.Generator) -> Scene:
     """A third of the units full or empty, or all but."""
-    is_low = rng.random(seen.energy.shape) < 0.5
+    is_low = rng.random(observed.energy.shape) < 0.5
     chosen = np.where(is_low, plant.low, plant.high)
-    chosen += rng.choice([0.0, 1e-13, -1e-13], seen.energy.shape)
-    on_edge = rng.random(seen.energy.shape) < 0.33
-    seen.energy[on_edge] = np.clip(chosen, plant.low, plant.high)[on_edge]
-    return seen
+    chosen += rng.choice([0.0, 1e-13, -1e-13], observed.energy.shape)
+    on_edge = rng.random(observed.energy.shape) < 0.33
+    observed.energy[on_edge] = np.clip(chosen, plant.low, plant.high)[on_edge]
+    return observed
 
 
 @pytest.mark.parametrize("name", ["affine", "anchors"])
@@ -36,14 +36,14 @@ def test_no_output_leaves_the_limits_in_fifty_thousand_states(name: str, case: s
     plant, rng = simulator(case), np.random.default_rng(12)
     made, size, n = band(name, plant), plant.high - plant.low, 2500
     for _ in range(20):
-        seen = at_the_edges(scene(plant, n, rng), plant, rng)
-        output = rng.choice([-1.0, 0.0, 1.0, 0.5], seen.energy.shape)
+        observed = at_the_edges(scene(plant, n, rng), plant, rng)
+        output = rng.choice([-1.0, 0.0, 1.0, 0.5], observed.energy.shape)
         output = np.where(rng.random(output.shape) < 0.5, output, rng.uniform(-1, 1, output.shape))
-        power = made.power(output, seen.energy, seen.data, seen.island)
-        low, high = plant.limits(seen.energy, seen.data)
+        power = made.power(output, observed.energy, observed.data, observed.island)
+        low, high = plant.limits(observed.energy, observed.data)
         assert (power >= low - 1e-12).all()
         assert (power <= high + 1e-12).all()
-        after = seen.energy + np.where(power > 0.0, plant.gain, plant.drain) * power
+        after = observed.energy + np.where(power > 0.0, plant.gain, plant.drain) * power
         assert (after >= plant.low - 1e-12 * size).all()
         assert (after <= plant.high + 1e-12 * size).all()
 
@@ -52,22 +52,24 @@ def test_affine_is_the_papers_mask_with_efficiencies() -> None:
     """Its eq. (18): 0.25 h, room for 0.07 MWh at 0.999 and 0.04 MWh above the least."""
     plant = simulator()
     rng = np.random.default_rng(2)
-    seen = scene(plant, 1, rng)
+    observed = scene(plant, 1, rng)
     size = np.array([[6.0], [4.0], [6.0], [3.0], [3.0]])
     energy = 0.9 * size - 0.07
     energy[2:] = 0.1 * size[2:] + 0.04
     top = np.array([0.07 / (0.25 * 0.999)] * 2 + [2.0, 1.0, 1.0])
     bottom = np.array([-2.0, -1.5] + [-0.04 * 0.999000999000999 / 0.25] * 3)
     for output in (-1.0, -0.3, 0.0, 0.7, 1.0):
-        power = band("affine", plant).power(np.full((5, 1), output), energy, seen.data, seen.island)
+        power = band("affine", plant).power(
+            np.full((5, 1), output), energy, observed.data, observed.island
+        )
         expected = bottom + (top - bottom) * (output + 1.0) / 2.0
         np.testing.assert_allclose(power[:, 0], expected, rtol=0.0, atol=1e-9)
 
 
-def by_hand(plant: Simulator, seen: Scene, k: int) -> dict[str, Floats]:
+def by_hand(plant: Simulator, observed: Scene, k: int) -> dict[str, Floats]:
     """What greedy, rule 0.9 and full charge ask of member k, device by device, in plain loops."""
     microgrid = plant.microgrid
-    case, dt, island = microgrid.case, 0.25, seen.island[:, k]
+    case, dt, island = microgrid.case, 0.25, observed.island[:, k]
 
     def of(table) -> int:
         return int(island[microgrid.bus_index([table])[0]])
@@ -75,16 +77,16 @@ def by_hand(plant: Simulator, seen: Scene, k: int) -> dict[str, Floats]:
     number = range(len(plant.units))
     demand, sun, able = np.zeros((3, plant.n_buses))
     for row, load in enumerate(case.load):
-        demand[of(load)] += seen.named["load.demand"][row, k]
+        demand[of(load)] += observed.named["load.demand"][row, k]
         demand[of(load)] -= np.broadcast_to(
-            seen.named["load.shed_min"], seen.named["load.demand"].shape
+            observed.named["load.shed_min"], observed.named["load.demand"].shape
         )[row, k]
     for row, plant_pv in enumerate(case.pv):
-        sun[of(plant_pv)] += seen.named["pv.available"][row, k]
+        sun[of(plant_pv)] += observed.named["pv.available"][row, k]
     for generator in case.generator:
         able[of(generator)] += generator.p_max_mw
     grids = {of(grid) for grid in case.grid}
-    energy = seen.energy[:, k]
+    energy = observed.energy[:, k]
     top, bottom, hold = np.zeros((3, len(plant.units)))
     for u, unit in enumerate(case.ess):
         room = unit.soc_max * unit.e_mwh - energy[u]
@@ -113,14 +115,14 @@ def test_the_anchors_are_greedy_rule_and_full_charge(case: str) -> None:
     plant, rng = simulator(case), np.random.default_rng(21)
     anchors, n, kinds = band("anchors", plant), 40, set()
     for _ in range(12):
-        seen = at_the_edges(scene(plant, n, rng), plant, rng)
+        observed = at_the_edges(scene(plant, n, rng), plant, rng)
         power = {
-            name: anchors.power(np.full(seen.energy.shape, output), *state)
-            for state in [(seen.energy, seen.data, seen.island)]
+            name: anchors.power(np.full(observed.energy.shape, output), *state)
+            for state in [(observed.energy, observed.data, observed.island)]
             for name, output in (("greedy", -1.0), ("rule", 0.0), ("full", 1.0))
         }
         for k in range(n):
-            for name, expected in by_hand(plant, seen, k).items():
+            for name, expected in by_hand(plant, observed, k).items():
                 np.testing.assert_allclose(power[name][:, k], expected, rtol=0.0, atol=1e-9)
-            kinds.add(len(set(seen.island[:, k])))
+            kinds.add(len(set(observed.island[:, k])))
     assert len(kinds) > 1

@@ -45,30 +45,30 @@ def folder_of(run: Run) -> Path:
 
 
 def observations(run: Run) -> np.ndarray:
-    """(100, numbers) what the policy has really seen on the validation days, and then some."""
+    """(100, numbers) what the policy has really observed on the validation days, and then some."""
     env = run.training.env
     tape = env.draw(20, 3)
     energy = env.start(20)
     return np.concatenate([env.observe(tape, t, energy).numpy() for t in (0, 3, 5, 8, 11)])
 
 
-def expected(run: Run, seen: np.ndarray) -> np.ndarray:
+def expected(run: Run, observed: np.ndarray) -> np.ndarray:
     weights, header = load(folder_of(run) / POLICY_FILE)
-    actor = network(header.network, seen.shape[1], 2)
+    actor = network(header.network, observed.shape[1], 2)
     actor.load_state_dict(weights)
     with torch.no_grad():
-        return actor(torch.from_numpy(seen)).numpy()
+        return actor(torch.from_numpy(observed)).numpy()
 
 
 def test_numpy_does_what_the_policy_does_and_says_what_it_sees(run: Run, tmp_path: Path) -> None:
     assert export.export_policy(folder_of(run), tmp_path / "policy.npz") < 1e-6
     outputs, about = acting.load_outputs(tmp_path / "policy.npz")
-    seen = observations(run)
-    assert np.ptp(expected(run, seen)) > 0.01
-    np.testing.assert_allclose(outputs(seen), expected(run, seen), atol=1e-6)
+    observed = observations(run)
+    assert np.ptp(expected(run, observed)) > 0.01
+    np.testing.assert_allclose(outputs(observed), expected(run, observed), atol=1e-6)
     assert about["units"] == ["ess1", "ess2"]
     assert about["config"]["band"] == "anchors"
-    assert sum(len(block["labels"]) for block in about["observation"]) == seen.shape[1]
+    assert sum(len(block["labels"]) for block in about["observation"]) == observed.shape[1]
 
 
 def test_numpy_acts_without_torch(run: Run, tmp_path: Path) -> None:
@@ -87,9 +87,9 @@ def test_numpy_acts_without_torch(run: Run, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_torch_export_does_what_the_policy_does(run: Run, tmp_path: Path) -> None:
     assert export.export_policy(folder_of(run), tmp_path / "policy.pt2") < 1e-6
-    seen = observations(run)
-    done = torch.export.load(tmp_path / "policy.pt2").module()(torch.from_numpy(seen[:7]))
-    np.testing.assert_allclose(done.detach().numpy(), expected(run, seen)[:7], atol=1e-6)
+    observed = observations(run)
+    done = torch.export.load(tmp_path / "policy.pt2").module()(torch.from_numpy(observed[:7]))
+    np.testing.assert_allclose(done.detach().numpy(), expected(run, observed)[:7], atol=1e-6)
 
 
 @pytest.mark.slow
@@ -99,9 +99,9 @@ def test_onnx_does_what_the_policy_does(run: Run, tmp_path: Path) -> None:
     assert export.export_policy(folder_of(run), tmp_path / "policy.onnx") < 1e-6
     runtime = pytest.importorskip("onnxruntime", reason="onnxruntime is not installed here")
     session = runtime.InferenceSession(str(tmp_path / "policy.onnx"))
-    seen = observations(run)
-    done = session.run(None, {"observation": seen[:9]})[0]
-    np.testing.assert_allclose(done, expected(run, seen)[:9], atol=1e-6)
+    observed = observations(run)
+    done = session.run(None, {"observation": observed[:9]})[0]
+    np.testing.assert_allclose(done, expected(run, observed)[:9], atol=1e-6)
 
 
 @pytest.mark.skipif(ONNX, reason="onnx and onnxscript are installed here")
@@ -140,9 +140,9 @@ def test_a_policy_acts_alike_in_numpy_and_in_torch(run: Run) -> None:
     actor = network(run.training.learner.network(), run.training.env.size, 2)
     actor.load_state_dict(run.training.learner.weights())
 
-    def by_torch(seen: np.ndarray) -> np.ndarray:
+    def by_torch(observed: np.ndarray) -> np.ndarray:
         with torch.no_grad():
-            return actor(torch.as_tensor(seen, dtype=torch.float32)).numpy().astype(float)
+            return actor(torch.as_tensor(observed, dtype=torch.float32)).numpy().astype(float)
 
     slow.outputs = by_torch
     energies = [simulate(world, policy).energy for policy in (fast, slow)]
@@ -151,7 +151,7 @@ def test_a_policy_acts_alike_in_numpy_and_in_torch(run: Run) -> None:
 
 def test_a_saved_policy_is_a_dispatcher_of_its_case(run: Run) -> None:
     world = run.training.sampler.validation_world()
-    made = factory_of(run.name)(world)
+    made = factory_of(run.name)(world.setting)
     assert isinstance(made, Policy)
     cost = simulate(world, made).objective(world.end_value_per_mwh)
     per_day = world.scenarios.probability @ cost / run.training.validation_days
@@ -163,13 +163,13 @@ def test_a_policy_of_another_method_or_case_is_refused(run: Run, tmp_path: Path)
     weights, header = load(folder_of(run) / POLICY_FILE)
     save(tmp_path / POLICY_FILE, weights, header)
     with pytest.raises(rs.UsageError, match=r"was trained by apg, not maddpg"):
-        factory_of(f"maddpg:{tmp_path}")(world)
+        factory_of(f"maddpg:{tmp_path}")(world.setting)
     other = Run(
         training(small_storm_case()).replace(terminal_value_per_mwh=0.5, slots=72),
         TrainingOptions(iterations=1, settings=SETTINGS),
         None,
     )
     with pytest.raises(rs.UsageError, match="was trained on a case with the digest"):
-        factory_of(run.name)(other.training.sampler.validation_world())
+        factory_of(run.name)(other.training.sampler.validation_world().setting)
     with pytest.raises(rs.UsageError, match="holds no trained policy"):
         factory_of(f"apg:{tmp_path / 'nowhere'}")

@@ -13,6 +13,7 @@ import resilience as rs  # noqa: E402
 from resilience.dispatch.registry import factory_of  # noqa: E402
 from resilience.errors import UsageError  # noqa: E402
 from resilience.rl.actors import AgentActors, GruActors  # noqa: E402
+from resilience.rl.algorithms.actor_critic import ActorCritic  # noqa: E402
 from resilience.rl.algorithms.maddpg_paper import PaperCritics, PaperMaddpg  # noqa: E402
 from resilience.rl.algorithms.registry import ALGORITHMS, algorithm  # noqa: E402
 from resilience.rl.env import BatchEnv  # noqa: E402
@@ -39,8 +40,8 @@ def fresh(name: str, seed: int = 3) -> tuple[BatchEnv, Learner]:
     """A tiny learner on the toy with an outage."""
     entry = algorithm("maddpg" if name == "paper" else name)
     settings = entry.settings_of(TINY[name])
-    band, seen = entry.ground(settings)
-    env = arbitrage(band, seen)
+    band, observed = entry.ground(settings)
+    env = arbitrage(band, observed)
     return env, entry.make(env, settings, seed)
 
 
@@ -86,12 +87,12 @@ def test_what_acts_takes_one_and_many(name: str) -> None:
     env, learner = fresh(name)
     actor = network(learner.network(), env.size, env.units)
     actor.load_state_dict(learner.weights())
-    seen = torch.as_tensor(np.random.default_rng(1).normal(size=(6, env.size)), dtype=env.dtype)
-    together = actor(seen)
+    observed = torch.as_tensor(np.random.default_rng(1).normal(size=(6, env.size)), dtype=env.dtype)
+    together = actor(observed)
     assert together.shape == (6, env.units)
     assert (together.abs() <= 1.0).all()
     for k in range(6):
-        torch.testing.assert_close(actor(seen[[k]]), together[[k]])
+        torch.testing.assert_close(actor(observed[[k]]), together[[k]])
 
 
 def test_sizes_of_the_paper() -> None:
@@ -133,32 +134,33 @@ def test_a_stacked_gru_is_torch_s(agent: int) -> None:
             for side, part in (("ih", layer.of_input), ("hh", layer.of_hidden)):
                 getattr(gru, f"weight_{side}_l{k}").copy_(part.weight[agent].T)
                 getattr(gru, f"bias_{side}_l{k}").copy_(part.bias[agent, 0])
-        seen = torch.randn(4, 2 * 3 + 8 * 7, generator=generator, dtype=torch.float64)
-        window = seen[:, 6:].unflatten(1, (8, 7)).transpose(0, 1)
+        observed = torch.randn(4, 2 * 3 + 8 * 7, generator=generator, dtype=torch.float64)
+        window = observed[:, 6:].unflatten(1, (8, 7)).transpose(0, 1)
         embedded = torch.relu(
             window @ encoder.embedding.weight[agent] + encoder.embedding.bias[agent]
         )
         last = gru(embedded)[0][-1]
         expected = torch.relu(last @ encoder.last.weight[agent] + encoder.last.bias[agent])
-        torch.testing.assert_close(actors.features(seen)[agent], expected)
+        torch.testing.assert_close(actors.features(observed)[agent], expected)
 
 
 def test_agents_see_no_storage_but_their_own() -> None:
     actors = AgentActors(9, 3, (8,), torch.Generator().manual_seed(1))
-    seen = torch.zeros(1, 9)
-    moved = seen.clone()
+    observed = torch.zeros(1, 9)
+    moved = observed.clone()
     moved[0, 1] = 0.7
-    changed = (actors(seen) != actors(moved))[0].tolist()
+    changed = (actors(observed) != actors(moved))[0].tolist()
     assert changed == [False, True, False]
 
 
 def test_the_target_of_a_last_slot_is_its_reward() -> None:
     env, learner = fresh("ddpg")
+    assert isinstance(learner, ActorCritic)
     run(learner, 0, 2)
     slots = 4
     last = np.arange(4) + (slots - 1) * 4
     sample = learner.replay.transitions(last, 2, learner.settings.discount)
-    wanted = learner.wanted(sample, np.random.default_rng(0))
+    wanted = learner.target_value(sample, np.random.default_rng(0))
     assert torch.equal(wanted, learner.replay.state()["reward"][:, last])
     assert env.units == 1
 
@@ -168,7 +170,7 @@ def test_the_paper_s_target_of_a_last_slot_is_its_reward() -> None:
     assert isinstance(learner, PaperMaddpg)
     run(learner, 0, 1)
     last = np.arange(4) + 3 * 4
-    wanted = learner.wanted(learner.replay.transitions(last, 1, 0.99))
+    wanted = learner.target_value(learner.replay.transitions(last, 1, 0.99))
     assert torch.equal(wanted, learner.replay.state()["reward"][:, last])
 
 
@@ -191,10 +193,10 @@ def test_failed_units_fall_back_and_the_others_do_not(fallback: str) -> None:
     names = {"idle": "idle", "rule": "rule-0.9"}
     low, high = episodes.setting.simulator.low, episodes.setting.simulator.high
     energy = low + (high - low) * np.random.default_rng(2).random((5, 4))
-    seen = episodes.observation(33, energy)
-    power = made(episodes.setting).act(seen)
-    whole = factory_of("greedy")(episodes.setting).act(seen)
-    theirs = factory_of(names[fallback])(episodes.setting).act(seen)
+    observed = episodes.observation(33, energy)
+    power = made(episodes.setting).act(observed)
+    whole = factory_of("greedy")(episodes.setting).act(observed)
+    theirs = factory_of(names[fallback])(episodes.setting).act(observed)
     assert made.batched
     np.testing.assert_array_equal(power[failed], theirs[failed])
     np.testing.assert_array_equal(power[[0, 3]], whole[[0, 3]])

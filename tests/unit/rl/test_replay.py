@@ -8,15 +8,15 @@ import pytest
 torch = pytest.importorskip("torch", reason="learners need torch")
 
 from resilience.rl.env import BatchEnv  # noqa: E402
-from resilience.rl.replay import Replay  # noqa: E402
+from resilience.rl.replay import ReplayRing  # noqa: E402
 from tests.unit.rl.toys import arbitrage, outage  # noqa: E402
 
 EPISODES = 3
 
 
-def filled(env: BatchEnv, rounds: int, tapes: int = 2) -> tuple[Replay, list]:
+def filled(env: BatchEnv, rounds: int, tapes: int = 2) -> tuple[ReplayRing, list]:
     """A ring, and every (tape, t, energy, output, reward) that was put in."""
-    replay, put = Replay(env, tapes, EPISODES), []
+    replay, put = ReplayRing(env, tapes, EPISODES), []
     rng = np.random.default_rng(8)
     for number in range(rounds):
         tape = replay.open(number + 20)
@@ -37,7 +37,7 @@ def test_rows_are_what_was_seen_and_done_in_the_tapes_that_are_left() -> None:
     back = replay.transitions(rows, 1, 0.9)
     for k, (tape, t, energy, output, reward) in enumerate(put[4:]):
         part = slice(k * EPISODES, (k + 1) * EPISODES)
-        assert torch.equal(back.now.seen[part], env.observe(tape, t, energy))
+        assert torch.equal(back.now.observed[part], env.observe(tape, t, energy))
         assert torch.equal(back.now.energy[:, part], energy)
         assert torch.equal(back.output[part], output)
         assert torch.equal(back.rewards[:, part], reward)
@@ -77,9 +77,9 @@ def test_an_open_episode_gives_only_what_has_a_later() -> None:
 def test_a_ring_from_its_state_samples_the_same() -> None:
     env = outage(0.3)
     replay, _ = filled(env, 3)
-    other = Replay(env, 2, EPISODES)
+    other = ReplayRing(env, 2, EPISODES)
     other.load_state({name: value.clone() for name, value in replay.state().items()})
     samples = [r.sample(50, np.random.default_rng(6), 1, 0.9) for r in (replay, other)]
-    for name in ("seen", "energy", "data", "island"):
+    for name in ("observed", "energy", "data", "island"):
         assert torch.equal(*(getattr(sample.now, name) for sample in samples))
     assert torch.equal(samples[0].rewards, samples[1].rewards)

@@ -1,4 +1,4 @@
-"""Training is acting: the same numbers are seen, and the same acts cost the same."""
+"""Training is acting: the same numbers are observed, and the same acts cost the same."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Watcher:
 
     def __init__(self, setting: Setting) -> None:
         self.name, self.observer = "watcher", Observer(setting)
-        self.seen: list[Floats] = []
+        self.observed: list[Floats] = []
         self.energy: list[Floats] = []
 
     def act(self, observation: Observation) -> Floats:
-        self.seen.append(self.observer.seen(observation))
+        self.observed.append(self.observer.observed(observation))
         self.energy.append(observation.energy)
         return np.full_like(observation.energy, 0.7 if observation.t % 5 < 3 else -0.9)
 
@@ -68,7 +68,7 @@ def test_training_sees_what_acting_sees_bit_by_bit(
         for t in range(inside):
             stored = torch.as_tensor(watcher.energy[t], dtype=torch.float32).repeat(1, 3)
             there = env.observe(tape, t, stored)[k].numpy()
-            np.testing.assert_array_equal(there, watcher.seen[t][0])
+            np.testing.assert_array_equal(there, watcher.observed[t][0])
 
 
 def test_an_observation_does_not_depend_on_the_days_at_hand() -> None:
@@ -94,7 +94,7 @@ def test_nothing_that_comes_later_is_seen() -> None:
         for there in (world, with_another_future(world, slot)):
             watcher = Watcher(there.setting)
             simulate(there, watcher)
-            both.append(np.array(watcher.seen))
+            both.append(np.array(watcher.observed))
         np.testing.assert_array_equal(both[0][: slot + 1], both[1][: slot + 1])
         assert (both[0] != both[1]).any()
 

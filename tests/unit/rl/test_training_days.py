@@ -15,13 +15,13 @@ import resilience as rs  # noqa: E402
 from resilience.case.days import held_out, training  # noqa: E402
 from resilience.case.profiles import read_profile_file  # noqa: E402
 from resilience.rl import episodes  # noqa: E402
-from resilience.rl.trainer import Row, Training, TrainingOptions  # noqa: E402
+from resilience.rl.trainer import LogRow, Training, TrainingOptions  # noqa: E402
 from resilience.testing import small_case  # noqa: E402
 
 
 def weights(case: rs.Case) -> dict[str, Any]:
     """What two iterations and a validation make of a network."""
-    rows: list[Row] = []
+    rows: list[LogRow] = []
     options = TrainingOptions(
         iterations=2, validations=1, forecast_error="ar1", settings={"batch": 6}
     )
