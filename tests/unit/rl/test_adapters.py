@@ -48,7 +48,7 @@ def test_the_official_checks_pass_on_a_shipped_case() -> None:
     assert_passed(load_case("ieee33-tou"), cycles=5)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_official_checks_pass_on_every_shipped_case_that_can_be_played(name: str) -> None:
     case = load_case(name)

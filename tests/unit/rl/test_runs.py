@@ -82,7 +82,7 @@ def test_a_run_killed_in_a_file_operation_and_resumed_is_the_same(tmp_path: Path
     assert LAST_FILE in reports[2]["left"]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_run_killed_at_any_moment_and_resumed_is_the_same(tmp_path: Path) -> None:
     rng = random.Random(6)
     seconds = [f"{rng.uniform(0.05, 2.5):.3f}s" for _ in range(20)]

@@ -45,7 +45,9 @@ SETTINGS = {
     ),
 }
 ON_POLICY = ("apg", "mappo")
-OFF_POLICY = [pytest.param(name, marks=pytest.mark.slow) for name in ("ddpg", "matd3", "maddpg")]
+OFF_POLICY = [
+    pytest.param(name, marks=pytest.mark.exhaustive) for name in ("ddpg", "matd3", "maddpg")
+]
 
 
 def learned(method: str, env, **changes) -> Learner:
