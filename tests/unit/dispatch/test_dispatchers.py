@@ -154,9 +154,10 @@ def test_demand_that_cannot_be_served_asks_nothing_of_storage(
     slot = replace(now, data=cut_off)
     monkeypatch.setattr(World, "slot", lambda *_: slot)
     seen = Observation(
-        0, energy, np.ones((0, 1), bool), now.island, np.array([-1]), world.forecast(0)
-    )
-    assert Greedy(world).act(seen)[:, 0] == pytest.approx([-1.6 / 3.0, -0.8 / 3.0])
+        0, energy, np.ones((0, 1), bool), now.island, np.array([-1]), world.forecast(0),
+        now.stacked,
+    )  # fmt: skip
+    assert Greedy(world.setting).act(seen)[:, 0] == pytest.approx([-1.6 / 3.0, -0.8 / 3.0])
 
 
 def test_with_a_grid_the_rule_goes_to_its_level_and_reckons_with_losses() -> None:
