@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -144,18 +143,14 @@ def test_in_an_island_the_rule_gives_what_generators_cannot_and_takes_what_is_ov
         ]
 
 
-def test_demand_that_cannot_be_served_asks_nothing_of_storage(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_demand_that_cannot_be_served_asks_nothing_of_storage() -> None:
     """Of 1.1 MW net 0.3 have to be shed: 0.8 MW are two thirds of the 1.2 that stores can give."""
     world = two_stores(grid=False)
     energy, now = world.start(), world.slot(0)
     cut_off = {**now.data, "load.shed_min": now.data["load.shed_min"] + 0.3}
-    slot = replace(now, data=cut_off)
-    monkeypatch.setattr(World, "slot", lambda *_: slot)
     seen = Observation(
         0, energy, np.ones((0, 1), bool), now.island, np.array([-1]), world.forecast(0),
-        now.stacked,
+        world.simulator.stacked(cut_off),
     )  # fmt: skip
     assert Greedy(world.setting).act(seen)[:, 0] == pytest.approx([-1.6 / 3.0, -0.8 / 3.0])
 
