@@ -144,4 +144,4 @@ def test_a_cone_that_is_open_is_measured_by_what_flows() -> None:
     stage.cone("flow", u, v, p, q)
     (cone,) = stage.structures
     values = np.array([[3.0, 0.5], [5.0, 4.0], [6.0, 0.3], [0.0, 0.4]])
-    assert cone.violation(values, ()).tolist() == pytest.approx([21.0 / 37.0, 1.75 / 1.25])
+    assert cone.violation(list(values), ()).tolist() == pytest.approx([21.0 / 37.0, 1.75 / 1.25])
