@@ -179,7 +179,7 @@ def test_every_grid_counts_for_its_own_island() -> None:
     )
     none = Scenarios((), np.zeros((0, 2, 1), bool), np.ones(1))
     world = World.build(Microgrid.build(case, "copperplate"), none)
-    run = simulate(world, Rule(world, 0.7))
+    run = simulate(world, Rule(world.setting, 0.7))
     assert run.energy[:, -1, 0] == pytest.approx([2.8, 3.5])
 
 

@@ -19,12 +19,12 @@ from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.risk import Risk
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.world import World
 from resilience.testing import small_case
 
 
-def exact(case: Case) -> object:
+def exact(case: Case) -> Forecast:
     return lambda name, at: case.profile(name)[at]
 
 
@@ -37,7 +37,7 @@ def feeder(shed: float = 10.0, **changes: object) -> Case:
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": shed}],
         ess=[{"bus": "2", "p_max_mw": 5.0, "e_mwh": 9.0, "soc_initial": 0.0}],
         grid=[{"import_max_mw": 9.0, "import_cost_per_mwh": 1.0}],
-        **changes,  # type: ignore[arg-type]
+        **changes,
     )
 
 
@@ -79,7 +79,7 @@ def test_a_fan_of_two_paths_equals_its_hand_solution(
     up = np.ones((1, 2, 2), bool)
     up[0, 1, 1] = False
     share = np.array([1.0 - dark, dark])
-    asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+    asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))
     assert program.decide(asked)[0] == pytest.approx(charged)
 
 
@@ -92,7 +92,7 @@ def test_probabilities_weigh_a_cost_of_having_stored_in_vain() -> None:
     up[0, 1, 1] = False
     for dark, charged in ((0.15, 0.0), (0.18, 1.0)):
         share = np.array([1.0 - dark, dark])
-        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))
         assert program.decide(asked)[0] == pytest.approx(charged)
 
 
@@ -109,7 +109,7 @@ def test_the_worst_path_counts_double() -> None:
     up[0, 1, 1] = False
     for dark, charged in ((0.1, 1.0), (0.05, 0.0), (0.1, 1.0)):
         share = np.array([1.0 - dark, dark])
-        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, share, exact(case), np.zeros(1))
         assert program.decide(asked)[0] == pytest.approx(charged)
 
 
@@ -118,7 +118,7 @@ def test_energy_at_the_end_is_bought_below_its_value_only() -> None:
     program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=1, block_slots=2), 1)
     up = np.ones((1, 3, 1), bool)
     for value, charged in ((0.9, 0.0), (1.1, 5.0)):
-        asked = WindowRequest(0, np.zeros(1), up, np.ones(1), exact(case), np.full(1, value))  # type: ignore[arg-type]
+        asked = WindowRequest(0, np.zeros(1), up, np.ones(1), exact(case), np.full(1, value))
         program.solver.update(program.vectors(asked))
         z = program.solver.solve().point
         bought = z[program.standard.columns("ess.charge")].sum()
@@ -130,7 +130,7 @@ def test_steps_beyond_the_horizon_are_empty() -> None:
     case = feeder(slots=6)
     program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=1, block_slots=4), 1)
     up = np.ones((1, 3, 1), bool)
-    asked = WindowRequest(3, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))  # type: ignore[arg-type]
+    asked = WindowRequest(3, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))
     program.solver.update(program.vectors(asked))
     found = program.solver.solve()
     # Slots 3 and 4, and one of the block's four: 3 MWh at 1 $.
@@ -162,7 +162,7 @@ def test_devices_that_no_program_can_tell_apart_are_one() -> None:
     ]
     grid = [{"import_max_mw": 4.0, "import_cost_per_mwh": 2.0}]
     merged = merged_grid(small_case(load=loads, grid=grid)).microgrid.case
-    assert [(load.name, load.p_max_mw) for load in merged.devices["load"]] == [
+    assert [(load.name, load.p_max_mw) for load in merged.load] == [
         ("a+b", pytest.approx(2.0)),
         ("c", 0.4),
         ("d", 0.3),
@@ -199,7 +199,7 @@ def test_devices_joined_dispatch_alike(world: World) -> None:
             up[case.network.line(line), 1:] = rng.random((steps.n - 1, 2)) < 0.5
         energy = world.microgrid.start()["ess.energy"] * rng.uniform(0.3, 1.7, 5)
         value = rng.uniform(0.0, 0.5, 5)
-        asked = WindowRequest(t, energy, up, np.array([0.3, 0.7]), exact(case), value)  # type: ignore[arg-type]
+        asked = WindowRequest(t, energy, up, np.array([0.3, 0.7]), exact(case), value)
         best = []
         for program in programs:
             program.solver.update(program.vectors(asked))
