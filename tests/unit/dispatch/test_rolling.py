@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -28,7 +30,7 @@ def exact(case: Case) -> Forecast:
     return lambda name, at: case.profile(name)[at]
 
 
-def feeder(shed: float = 10.0, **changes: object) -> Case:
+def feeder(shed: float = 10.0, **changes: Any) -> Case:
     """A grid at 1 $/MWh and, behind a breakpoint, 1 MW of load with an empty store."""
     return small_case(
         buses=2,
