@@ -41,7 +41,7 @@ def section(command: Any, name: str) -> str:
     options = [p for p in command.params if p.param_type_name == "option"]
     words = [name, *(p.metavar for p in given), *(["[OPTIONS]"] if options else [])]
     lines = ["", f"## {name}", "", command.help, "", "```text", " ".join(words), "```", ""]
-    rows = [(f"`{p.metavar}`", "**required**", p.help) for p in given]
+    rows = [(f"`{p.metavar}`", "**required**" if p.required else default(p), p.help) for p in given]
     rows += [(spelling(p), default(p), p.help) for p in options]
     if rows:
         lines += ["| | default | |", "|---|---|---|"]
@@ -59,6 +59,6 @@ def spelling(option: Any) -> str:
 
 def default(option: Any) -> str:
     """Return the default of an option, where it says anything."""
-    if option.is_flag or option.default is None:
+    if getattr(option, "is_flag", False) or option.default is None:
         return ""
     return f"`{option.default:g}`" if isinstance(option.default, float) else f"`{option.default}`"

@@ -18,7 +18,7 @@ METHODS = "; ".join(f"{name}: {entry.about}" for name, entry in ALGORITHMS.items
 
 def train(
     case: Annotated[
-        str, typer.Argument(help="Case file, or name of an installed case.")
+        str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
     ] = "ieee33",
     method: Annotated[str, typer.Option(help=f"Algorithm. {METHODS}.")] = "apg",
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
