@@ -9,16 +9,25 @@ import numpy as np
 import pytest
 
 from resilience.case import Case, load_case
-from resilience.errors import InfeasibleError
+from resilience.errors import InfeasibleError, SolverError
 from resilience.testing import small_case
 from tests.known.solving import Solved, solved
 
 LOSSY = {"efficiency_charge": 0.95, "efficiency_discharge": 0.95}
 PAPER = {"efficiency_charge": 0.999, "efficiency_discharge": 1 / 1.001}
 DEGRADATION = 0.2
+# Forms the island whatever is decided, and is too dear to run: the island is never left dark.
+FORMING = {"p_max_mw": 0.3, "cost_per_mwh": 9.0}
 
 
-def island(surplus_mw: float, efficiency: dict, full: bool = True, curtail: bool = False) -> Case:
+def island(
+    surplus_mw: float,
+    efficiency: dict,
+    *,
+    full: bool = True,
+    curtail: bool = False,
+    forming: bool = True,
+) -> Case:
     """1 MW of load, PV of a little more, storage of 2 MW and 4 MWh; 4 h."""
     storage = {
         "p_max_mw": 2.0,
@@ -31,6 +40,7 @@ def island(surplus_mw: float, efficiency: dict, full: bool = True, curtail: bool
         load=[{"p_max_mw": 1.0, "shed_cost_per_mwh": 1.5}],
         pv=[{"p_max_mw": 1.0 + surplus_mw, "curtailable": curtail}],
         ess=[storage | efficiency],
+        generator=[FORMING] if forming else [],
     )
 
 
@@ -71,6 +81,22 @@ def test_a_full_island_with_must_take_pv_has_no_plan(method: str) -> None:
     assert "balance.p[1, 00:00" in str(error.value)
     assert "ess.dynamics[ess1, 00:00" in str(error.value)
     assert "make PV curtailable" in error.value.hint
+
+
+def test_ipopt_says_so_where_held_modes_leave_it_nothing() -> None:
+    """The relaxation charges and discharges at once; held to one of both, the surplus is left."""
+    with pytest.raises(SolverError, match="Ipopt found no plan, though the cone relaxation has"):
+        solved(island(0.05, LOSSY, forming=False), "nlp", "copperplate")
+
+
+@pytest.mark.parametrize("method", ["lp", "milp", "minlp", "exact"])
+def test_a_full_island_that_only_its_storage_forms_is_left_dark(method: str) -> None:
+    """The surplus has nowhere to go: the sun is spilled and 1 MW is shed for 4 h at 1.5 $/MWh."""
+    found = solved(island(0.05, LOSSY, forming=False), method, "copperplate")
+    assert found.objective == pytest.approx(6.0, rel=1e-6)
+    assert found.bound == pytest.approx(6.0, rel=1e-6)
+    assert found["pv.p"].max() == pytest.approx(0.0, abs=1e-6)
+    assert not found.answer.relaxed
 
 
 @pytest.mark.parametrize(("surplus_mw", "burns"), [(0.0039, True), (0.0041, False)])
