@@ -21,6 +21,7 @@ from resilience.models.backends.base import (
 )
 from resilience.models.backends.highs_model import (
     LINEAR_OPTIONS,
+    TREE_OPTIONS,
     WARM_OPTIONS,
     Basis,
     HighsModel,
@@ -71,7 +72,7 @@ class Highs:
         self._later_cuts = LeafCuts(self.standard)
         self._warm = False
         self.is_mip = bool(self.lowered.integer.any())
-        self.model = HighsModel({"mip_rel_gap": gap, "threads": threads})
+        self.model = HighsModel({"mip_rel_gap": gap, "threads": threads, **TREE_OPTIONS})
         if not self.is_mip:
             self.model.set_options(LINEAR_OPTIONS)
 

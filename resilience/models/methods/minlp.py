@@ -236,7 +236,8 @@ def _plan(search: ConicSearch, relaxed: Solution, vectors: Vectors, z: Floats) -
     if point.z is not None:
         plan = with_all_held(program, point, vectors, search.seconds)
     if search.gap_of(plan, relaxed.bound) > search.options.gap / 2:
-        for k, elements in broken_modes(standard, point.point if point.z is not None else relaxed.point).items():
+        rounded = relaxed.point if point.z is None else point.point
+        for k, elements in broken_modes(standard, rounded).items():
             search.modes[k] = search.modes.get(k, np.zeros(len(elements), bool)) | elements
     if plan.objective < search.best.objective:
         search.best = plan
