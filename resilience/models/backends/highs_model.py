@@ -34,8 +34,8 @@ WARM_OPTIONS: dict[str, Option] = {
     "dual_simplex_cost_perturbation_multiplier": 0.0,
     "no_unnecessary_rebuild_refactor": False,
 }
-# An integer that is off by 1e-6 opens a row of coefficient 1e3 by 1e-3, and presolve then cuts optima
-# off: HiGHS 1.15 proves 505.23 where 503.80 is right (`tests/property/test_formed_islands.py`, 96).
+# An integer off by 1e-6 opens a row of coefficient 1e3 by 1e-3, and presolve then cuts optima off:
+# HiGHS 1.15 proves 505.23 where 503.80 is right (`tests/property/test_formed_islands.py`, 96).
 TREE_OPTIONS: dict[str, Option] = {"mip_feasibility_tolerance": 1e-9}
 _ROWWISE = int(highspy.MatrixFormat.kRowwise)
 _MINIMIZE = int(highspy.ObjSense.kMinimize)
