@@ -148,12 +148,12 @@ def nlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     deadline = options.deadline()
     relaxed = root(program, options, deadline)
     start = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
-    point, held = start, with_modes_held(program, start, program.vectors)
+    point, vectors = start, with_modes_held(program, start, program.vectors)
     while True:
-        point = ac_point(program, point.point, held, lambda: deadline.final_s)
+        point = ac_point(program, point.point, vectors, lambda: deadline.final_s)
         if point.z is None:
             raise no_plan(program, "Ipopt", options, late=deadline.late)
-        before, held = held, with_modes_held(program, point, held)
-        if held is before:
+        before, vectors = vectors, with_modes_held(program, point, vectors)
+        if vectors is before:
             break
     return MethodResult.from_solution(program, point, relaxed.bound, options.gap, LOCAL)
