@@ -79,8 +79,8 @@ POWER_TOLERANCE_MW = 1e-12
 PRICE_TOLERANCE = 1e-12
 """$ per MW: two prices together must earn more than this for importing and exporting at once."""
 
-PRICE_DECIMALS = 9
-"""Decimals of $ per MW and step in which prices of one tier of the merit order agree."""
+PRICE_DIGITS = 10
+"""Digits, of the largest price, in which prices of one tier of the merit order agree."""
 
 PROBABILITY_TOLERANCE = 1e-12
 """Rounding of a sum of probabilities: 0.1 * 9 is less than 0.9."""

@@ -108,7 +108,8 @@ class Judged:
 
         Ends are NaN where a single episode allows none.
         """
-        apart = (self.objective[name] - self.objective[reference]) / self.days
+        costs = np.array([self.objective[name], self.objective[reference]]) / self.days
+        apart, scale = costs[0] - costs[1], float(np.abs(costs).max())
         likely, n = self.scenarios.probability, self.scenarios.n
         mean = statistics.expected(apart, likely)
         if name == reference:
@@ -117,7 +118,7 @@ class Judged:
             return MeanInterval(mean, math.nan, math.nan, 0.95, n)
         # Weights enter the values, so that their plain mean is the expectation.
         rng = np.random.default_rng(seed)
-        return statistics.mean_interval(apart * likely * n, rng)
+        return statistics.mean_interval(apart * likely * n, rng, scale=scale)
 
     def differences(self, seed: int = 0) -> pd.DataFrame:
         """Any two methods: what the first costs more per day, its interval, and if it is luck.

@@ -31,20 +31,25 @@ def ranked(compared: Compared) -> list[str]:
     return sorted((name for name in cost if name != BOUND), key=lambda name: cost[name])
 
 
-def interval(compared: Compared, values: Floats, seed: int = 0) -> MeanInterval:
-    """Mean of values (episodes,) and its 95 % interval, NaN where there is one episode."""
+def interval(
+    compared: Compared, values: Floats, seed: int = 0, *, scale: float = 0.0
+) -> MeanInterval:
+    """Mean of values (episodes,) and its 95 % interval, NaN where there is one episode.
+
+    They may be differences of numbers of a size, `scale`.
+    """
     n = len(values)
     if n < 2:
         return MeanInterval(float(values.mean()), math.nan, math.nan, 0.95, n)
     # Weights enter the values, so that their plain mean is the expectation.
     weighed = values * compared.scenarios.probability * n
-    return mean_interval(weighed, np.random.default_rng(seed))
+    return mean_interval(weighed, np.random.default_rng(seed), scale=scale)
 
 
 def saving(compared: Compared, method: str, than: str) -> MeanInterval:
     """What `method` saves against another in $/day on the same episodes, with its interval."""
-    apart = compared.objective[than] - compared.objective[method]
-    return interval(compared, apart / days_of(compared))
+    costs = np.array([compared.objective[method], compared.objective[than]]) / days_of(compared)
+    return interval(compared, costs[1] - costs[0], scale=float(np.abs(costs).max()))
 
 
 def cost_per_day(compared: Compared, method: str) -> float:

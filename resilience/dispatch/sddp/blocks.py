@@ -24,7 +24,9 @@ from resilience.models.backends.highs_model import (
     Option,
     RunStatus,
 )
+from resilience.models.backends.highs_scale import Scale
 from resilience.models.program.standard import Vectors
+from resilience.models.program.units import MONEY, Units
 from resilience.tolerances import REDUCED_COST_TOLERANCE
 
 OPTIONS: dict[str, Option] = {
@@ -91,6 +93,11 @@ class Blocks:
         self.offset = np.concatenate([n.offset for _, n in numbered])
         follows = (self.lower[:, 1:] != 0.0) | (self.upper[:, 1:] != 0.0)
         self._varying = np.flatnonzero(follows.any(axis=1))
+        dimension = np.concatenate([p.dimension for p in programs])
+        self._units = Units.of_columns(
+            dimension, self.price, self.lower.sum(axis=1), self.upper.sum(axis=1)
+        )
+        self._dimension = np.append(dimension, np.full(self.n, MONEY))
         self._solver: _Solver | None = None
 
     def add_cuts(self, cuts: Cuts, cut_owner: Ints) -> None:
@@ -241,7 +248,10 @@ class Blocks:
             row_upper=side,
         )
         model = HighsModel(OPTIONS)
-        model.load(a, vectors)
+        scale = None
+        if self._units != Units():
+            scale = Scale.of_matrix(a, self._units.sizes(self._dimension), self._units.cost)
+        model.load(a, vectors, scale=scale)
         return _Solver(model, cut, block)
 
 

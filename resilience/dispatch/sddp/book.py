@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats
+from resilience.arrays import Bools, Floats, rounded
 from resilience.case import Case
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
@@ -23,6 +23,7 @@ from resilience.fragility.outages.bell import Bell, case_bell
 MAX_LINES = 6  # that can fail: modes are their subsets, 64 then
 BIN_SLOTS = 8  # of 15 minutes: peaks that one cut set serves, where the case names none
 OUTCOMES = 2  # of the noise in every slot
+TERMINAL_DIGITS = 7  # in which worths of energy agree that share their cuts
 SETTINGS = Settings(iterations=14, paths=2, tidy=7)
 
 
@@ -116,7 +117,7 @@ class Book:
             stop: number of slots; a whole day if omitted.
         """
         peaks, stop = self.storm_peaks(storm_peak), stop or self.per_day
-        terminal = np.round(terminal, 6)
+        terminal = rounded(terminal, TERMINAL_DIGITS)
         key = (peaks, tuple(terminal.tolist()), stop)
         if key not in self._cut_sets:
             chain = storm_chain(self.bell, len(self.lines), np.array(peaks), self.per_day)

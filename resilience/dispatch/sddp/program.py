@@ -15,6 +15,7 @@ from resilience.arrays import Floats, Ints
 from resilience.dispatch.sddp.model import NoiseOutcomes
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
+from resilience.models.program.units import dimensions
 from resilience.models.program.unroll import unroll
 
 
@@ -44,6 +45,9 @@ class Numbers:
 class StageProgram:
     """The matrix of a stage, and how data becomes numbers.
 
+    Attributes:
+        dimension: (columns,) what they are measured in, see `dimensions`.
+
     Raises:
         ValueError: the stage has integers, whose future cost is not convex.
     """
@@ -63,6 +67,7 @@ class StageProgram:
         self.after: Ints = self.group[after]
         self.equality = self.standard.equality
         self.n = len(self._first)
+        self.dimension = dimensions(self.standard)[self._own[self._first]]
 
     def _parallel(self, matrix: Floats, after: Ints) -> tuple[Ints, Ints]:
         """(own columns,) group of every column, and the first column of every group."""

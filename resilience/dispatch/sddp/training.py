@@ -26,7 +26,7 @@ class Settings:
         iterations: at most so many.
         paths: of one iteration, which share the work of a pass.
         patience: stop once so many iterations gained less than `tolerance` in the bound.
-        tolerance: of the bound, $; relative where the bound is above 1 $.
+        tolerance: of the bound, relative.
         jump: chance per slot that a path goes on from elsewhere, about half of its states being
             drawn anew: cuts are needed where the policy does not go yet.
         tidy: every so many iterations, cuts that are highest nowhere are dropped.
@@ -233,7 +233,7 @@ def _stalled(bounds: list[float], settings: Settings) -> bool:
     if len(bounds) <= settings.patience:
         return False
     gained = bounds[-1] - bounds[-1 - settings.patience]
-    return gained < settings.tolerance * max(1.0, abs(bounds[-1]))
+    return gained <= settings.tolerance * abs(bounds[-1])
 
 
 def _draw(probability: Floats, rng: np.random.Generator) -> int:

@@ -35,6 +35,7 @@ class MeanInterval:
         high: upper end.
         confidence: probability that such an interval covers the true mean.
         n: number of values.
+        rounding: what the values may be off by themselves.
     """
 
     mean: float
@@ -42,11 +43,12 @@ class MeanInterval:
     high: float
     confidence: float
     n: int
+    rounding: float = 0.0
 
     @property
     def excludes_zero(self) -> bool:
-        """True where the sign of the mean is not luck, at this confidence."""
-        return self.low > 0 or self.high < 0
+        """True where the sign of the mean is neither luck, at this confidence, nor rounding."""
+        return self.low > self.rounding or self.high < -self.rounding
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,7 @@ def mean_interval(
     confidence: float = 0.95,
     resamples: int = 9999,
     method: Literal["BCa", "percentile"] = "BCa",
+    scale: float = 0.0,
 ) -> MeanInterval:
     """Mean of values and its bootstrap interval.
 
@@ -95,6 +98,7 @@ def mean_interval(
         confidence: of the interval.
         resamples: number of bootstrap samples.
         method: "BCa" (corrects bias and skewness) or "percentile".
+        scale: size of the numbers that the values are differences of, which are rounded.
 
     Raises:
         UsageError: labels that do not fit, a stratum of one value, which nothing can be drawn from.
@@ -102,10 +106,12 @@ def mean_interval(
     x = finite_values(values)
     groups = _groups(x, strata)
     mean = float(x.mean())
-    if all(np.ptp(group) <= COST_TOLERANCE * max(1.0, abs(mean)) for group in groups):
-        return MeanInterval(mean, mean, mean, confidence, len(x))
+    rounding = COST_TOLERANCE * scale
+    if all(np.ptp(group) <= max(rounding, COST_TOLERANCE * abs(mean)) for group in groups):
+        return MeanInterval(mean, mean, mean, confidence, len(x), rounding)
     interval = _bootstrap(groups, rng, confidence, resamples, method)
-    return MeanInterval(mean, float(interval.low), float(interval.high), confidence, len(x))
+    low, high = float(interval.low), float(interval.high)
+    return MeanInterval(mean, low, high, confidence, len(x), rounding)
 
 
 def paired_difference(
@@ -129,6 +135,7 @@ def paired_difference(
         confidence=confidence,
         resamples=resamples,
         method=method,
+        scale=_size(cost, reference),
     )
 
 
@@ -139,7 +146,7 @@ def score(cost: ArrayLike, rule09: ArrayLike, bound: ArrayLike) -> Floats:
     """
     cost, rule09, bound = (np.asarray(v, float) for v in (cost, rule09, bound))
     room = rule09 - bound
-    open_ = np.abs(room) > COST_TOLERANCE * np.maximum(1.0, np.abs(bound))
+    open_ = np.abs(room) > COST_TOLERANCE * _size(rule09, bound)
     return np.where(open_, (rule09 - cost) / np.where(open_, room, 1.0), np.nan)
 
 
@@ -158,7 +165,7 @@ def triviality(rule09: ArrayLike, bound: ArrayLike) -> Triviality:
     """
     rule, best = float(finite_values(rule09).mean()), float(finite_values(bound).mean())
     room = float(gap_to_bound(rule, best))
-    return Triviality(room, rule <= COST_TOLERANCE if np.isnan(room) else room < TRIVIAL_SHARE)
+    return Triviality(room, rule <= 0.0 if np.isnan(room) else room < TRIVIAL_SHARE)
 
 
 def value_of_stochastic_solution(
@@ -215,6 +222,11 @@ def _groups(x: Floats, strata: ArrayLike | None) -> list[Floats]:
             hint="take more episodes, or leave the strata out",
         )
     return groups
+
+
+def _size(*costs: ArrayLike) -> float:
+    """The largest of all costs, whatever its sign."""
+    return max(float(np.abs(values).max(initial=0.0)) for values in map(np.asarray, costs))
 
 
 def _paired(cost: ArrayLike, reference: ArrayLike) -> Floats:

@@ -28,10 +28,12 @@ from resilience.models.backends.highs_model import (
     Option,
     RunStatus,
 )
+from resilience.models.backends.highs_scale import Scale
 from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.referee import row_violations
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.units import Units, column_scale
 from resilience.models.structures import Adjacent, Largest, Split, Structure
 from resilience.tolerances import CONFLICT_TOLERANCE
 
@@ -111,8 +113,18 @@ class Highs:
         )
 
     def _pass(self, v: Vectors) -> None:
-        self.model.load(self._matrix(), self._with_extra_rows(v), self.lowered.integer)
+        a, v = self._matrix(), self._with_extra_rows(v)
+        self.model.load(a, v, self.lowered.integer, None if self.is_mip else self._scale(a))
         self._discs = self.lowered.discs
+
+    def _scale(self, a: sp.csr_array) -> Scale | None:
+        """The program's own units, where they are not those that it is in."""
+        units = Units.of_program(self.standard, self._latest)
+        if units == Units():
+            return None
+        columns = np.ones(a.shape[1])
+        columns[: self.standard.n_columns] = column_scale(self.standard, units)
+        return Scale.of_matrix(a, columns, units.cost)
 
     def _change(self, new: Vectors, old: Vectors) -> None:
         """Sends what differs; what `lower` added never does."""

@@ -7,7 +7,7 @@ c'z + y'(A z - b). Nothing is remembered beside the model itself: a call costs w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Any, NewType
 
@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.models.backends.highs_scale import Scale
 from resilience.models.program.standard import Vectors
 
 Option = bool | int | float | str
@@ -80,33 +81,39 @@ class RunInfo:
 class RunSolution:
     """The point of the last run, each array copied when it is asked for."""
 
-    def __init__(self, solution: Any) -> None:
-        self._solution = solution
+    def __init__(self, solution: Any, scale: Scale | None) -> None:
+        self._solution, self._scale = solution, scale
 
     @property
     def values(self) -> Floats:
         """(columns,) the point."""
-        return _array(self._solution.col_value)
+        values, scale = _array(self._solution.col_value), self._scale
+        return values if scale is None else values * scale.columns
 
     @property
     def reduced_costs(self) -> Floats:
         """(columns,) what one more unit of each column costs."""
-        return _array(self._solution.col_dual)
+        prices, scale = _array(self._solution.col_dual), self._scale
+        return prices if scale is None else prices * (scale.cost / scale.columns)
 
     @property
     def multipliers(self) -> Floats:
         """(rows,) of the Lagrangian c'z + y'(A z - b)."""
-        return -_array(self._solution.row_dual)
+        duals, scale = -_array(self._solution.row_dual), self._scale
+        return duals if scale is None else duals * (scale.cost / scale.rows)
 
 
 class HighsModel:
     """One linear or mixed-integer program within HiGHS, silent.
+
+    HiGHS may hold it in other units; all that goes in and comes out is in those of the caller.
 
     Args:
         options: of HiGHS, by their names.
     """
 
     def __init__(self, options: Mapping[str, Option]) -> None:
+        self._scale: Scale | None = None
         self._highs: Any = highspy.Highs()  # type: ignore[no-untyped-call]
         self._highs.silent()
         self.set_options(options)
@@ -125,14 +132,24 @@ class HighsModel:
         """Gives the next run so many seconds; HiGHS counts those of all runs together."""
         self._highs.setOptionValue("time_limit", self._highs.getRunTime() + seconds)
 
-    def load(self, a: sp.csr_array, v: Vectors, integer: Bools | None = None) -> None:
+    def load(
+        self,
+        a: sp.csr_array,
+        v: Vectors,
+        integer: Bools | None = None,
+        scale: Scale | None = None,
+    ) -> None:
         """Takes a program in place of whatever there was.
 
         Args:
             a: (rows, columns).
             v: cost, bounds and sides of its columns and rows.
             integer: (columns,) which are integer; none if omitted.
+            scale: the units to hold it in; those of the arrays if omitted.
         """
+        self._scale = scale
+        if scale is not None:
+            a, v = scale.matrix(a), scale.vectors(v)
         integrality = np.zeros(a.shape[1], np.int32) if integer is None else _ints(integer)
         self._highs.passModel(
             a.shape[1],
@@ -153,8 +170,11 @@ class HighsModel:
         )
 
     def add_columns(self, cost: Floats, lower: Floats, upper: Floats) -> None:
-        """Adds columns that stand in no row yet."""
+        """Adds columns in $ that stand in no row yet."""
         none = np.empty(0, np.int32)
+        if self._scale is not None:
+            self._scale = self._scale.with_money_columns(len(cost))
+            lower, upper = lower / self._scale.cost, upper / self._scale.cost
         self._highs.addCols(len(cost), cost, lower, upper, 0, none, none, np.empty(0))
 
     def add_rows(
@@ -169,33 +189,48 @@ class HighsModel:
             upper: (rows,), or one for all.
         """
         n, k = columns.shape
-        low, high = np.full(n, lower, float), np.full(n, upper, float)
-        starts = _ints(k * np.arange(n))
-        self._highs.addRows(n, low, high, n * k, starts, _ints(columns).ravel(), values.ravel())
+        entries = (values.ravel(), columns.ravel(), k * np.arange(n + 1))
+        block = sp.csr_array(entries, shape=(n, self._highs.getNumCol()))
+        self.add_matrix(block, np.full(n, lower, float), np.full(n, upper, float))
 
     def add_matrix(self, block: sp.csr_array, lower: Floats, upper: Floats) -> None:
         """Adds rows  lower <= block z <= upper; the basis is kept."""
+        if self._scale is not None:
+            more = self._scale.with_rows(block)
+            units = more.rows[len(self._scale.rows) :]
+            block = replace(more, rows=units).matrix(block)
+            self._scale, lower, upper = more, lower / units, upper / units
         starts, columns = _ints(block.indptr[:-1]), _ints(block.indices)
         self._highs.addRows(block.shape[0], lower, upper, block.nnz, starts, columns, block.data)
 
     def change_bounds(self, columns: Ints, lower: Floats, upper: Floats) -> None:
         """Changes the bounds of some columns."""
+        if self._scale is not None:
+            units = self._scale.columns[columns]
+            lower, upper = lower / units, upper / units
         self._highs.changeColsBounds(len(columns), _ints(columns), lower, upper)
 
     def change_sides(self, rows: Ints, lower: Floats, upper: Floats) -> None:
         """Changes the sides of some rows."""
+        if self._scale is not None:
+            units = self._scale.rows[rows]
+            lower, upper = lower / units, upper / units
         self._highs.changeRowsBounds(len(rows), _ints(rows), lower, upper)
 
     def change_costs(self, columns: Ints, cost: Floats) -> None:
         """Changes the costs of some columns."""
+        if self._scale is not None:
+            cost = cost * self._scale.columns[columns] / self._scale.cost
         self._highs.changeColsCost(len(columns), _ints(columns), cost)
 
     def change_offset(self, offset: float) -> None:
         """Changes the constant of the objective."""
-        self._highs.changeObjectiveOffset(offset)
+        self._highs.changeObjectiveOffset(offset / self._cost)
 
     def change_coefficient(self, row: int, column: int, value: float) -> None:
         """Changes one coefficient of the matrix."""
+        if self._scale is not None:
+            value *= self._scale.columns[column] / self._scale.rows[row]
         self._highs.changeCoeff(row, column, value)
 
     def run(self) -> RunStatus:
@@ -219,14 +254,19 @@ class HighsModel:
         info = self._highs.getInfo()
         return RunInfo(
             info.primal_solution_status == _HAS_POINT,
-            info.objective_function_value,
-            info.mip_dual_bound,
+            info.objective_function_value * self._cost,
+            info.mip_dual_bound * self._cost,
         )
 
     @property
     def solution(self) -> RunSolution:
         """The point of the last run."""
-        return RunSolution(self._highs.getSolution())
+        return RunSolution(self._highs.getSolution(), self._scale)
+
+    @property
+    def _cost(self) -> float:
+        """What one unit of the objective is, $."""
+        return 1.0 if self._scale is None else self._scale.cost
 
     @property
     def basis(self) -> Basis:
@@ -243,6 +283,8 @@ class HighsModel:
 
     def set_start(self, columns: Ints, values: Floats) -> None:
         """Hands a tree search the values of some columns to begin from."""
+        if self._scale is not None:
+            values = values / self._scale.columns[columns]
         self._highs.setSolution(len(columns), _ints(columns), values)
 
     def conflict(self, seconds: float) -> tuple[list[int], list[int]]:

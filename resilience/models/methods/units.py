@@ -1,11 +1,7 @@
 """A program in units of its own size: what solvers and tests of facts see.
 
-Solvers hold rows, discs and cones to absolute tolerances, 1e-8 to 1e-6. In MW these are nothing to
-a town and everything to a farm; in $ they hide a tariff of 1e-6 $/kWh. So a method is given the
-program with powers and energies in a base of its own, a power of ten near the largest power in the
-case, and with its objective divided by the largest cost of a column. The answer is scaled back, the
-bound with it. Where both are of the order of one already, as in a feeder in MW and $, the program
-stays as it is.
+A method is given the program in the `Units` that suit it, each column in its own. The answer is
+scaled back, the bound with it.
 """
 
 from __future__ import annotations
@@ -21,65 +17,8 @@ from resilience.arrays import Floats
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import MethodOptions, MethodResult
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.units import Units, column_scale
 from resilience.models.structures import Structure, UnrolledStructure
-
-POWERS_OF_BASE = {"MW": 1, "Mvar": 1, "MWh": 1, "pu": 2}
-"""By unit of a variable, with which power of the base it grows; `pu` is a squared current."""
-COST_UNITS = ("$", "$/h")
-USUAL_MW = 0.1, 1000.0
-"""Largest powers between which MW are the right unit."""
-USUAL_COST = 0.1, 1e5
-"""Largest costs of a column, $, between which $ are the right unit."""
-
-
-@dataclass(frozen=True)
-class Units:
-    """What one unit of a program is.
-
-    Attributes:
-        base_mw: of power, MW; of energy, MWh.
-        cost: of the objective, $.
-    """
-
-    base_mw: float = 1.0
-    cost: float = 1.0
-
-    @classmethod
-    def of_program(cls, program: CaseProgram) -> Units:
-        """Those that suit a program: powers of ten, 1 where that is near enough."""
-        standard, v = program.standard, program.vectors
-        ends = np.maximum(*(np.where(np.isfinite(x), np.abs(x), 0.0) for x in (v.lower, v.upper)))
-        powers = [
-            standard.columns(block.name).ravel()
-            for block in standard.form.own_blocks
-            if POWERS_OF_BASE.get(block.unit) == 1
-        ]
-        largest_mw = float(ends[np.concatenate(powers)].max(initial=0.0)) if powers else 0.0
-        base = _power_of_ten(largest_mw, USUAL_MW)
-        scale = column_scale(standard, cls(base))
-        inside = np.ones(standard.n_columns, bool)
-        inside[standard.future] = False
-        largest_cost = float(np.abs(v.cost * scale)[inside].max(initial=0.0))
-        return cls(base, _power_of_ten(largest_cost, USUAL_COST))
-
-
-def _power_of_ten(size: float, usual: tuple[float, float]) -> float:
-    """The greatest up to `size`; 1 where that is nothing, or as usual."""
-    if size == 0.0 or usual[0] <= size <= usual[1]:
-        return 1.0
-    return float(10.0 ** np.floor(np.log10(size)))
-
-
-def column_scale(standard: Standard, units: Units) -> Floats:
-    """(columns,) what one unit of a column is, in MW, MWh, $ and so on."""
-    scale = np.ones(standard.n_columns)
-    scale[standard.future] = units.cost
-    for block in standard.form.own_blocks:
-        of_block = units.base_mw ** POWERS_OF_BASE.get(block.unit, 0)
-        scale[standard.columns(block.name)] = units.cost if block.unit in COST_UNITS else of_block
-    for name, columns in standard.initial.items():
-        scale[columns] = units.base_mw ** POWERS_OF_BASE.get(standard.form.block(name).unit, 0)
-    return scale
 
 
 @dataclass(frozen=True)
@@ -164,7 +103,7 @@ def in_own_units(
 
     @wraps(method)
     def scaled(program: CaseProgram, options: MethodOptions) -> MethodResult:
-        units = Units.of_program(program)
+        units = Units.of_program(program.standard, program.vectors)
         if units == Units():
             return method(program, options)
         inner, scale = rescaled(program, units)

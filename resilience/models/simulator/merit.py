@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats, Ints
+from resilience.arrays import Bools, Floats, Ints, rounded
 from resilience.models.simulator.arrays import Array, ArrayOps
 from resilience.models.simulator.order import Order
 from resilience.models.simulator.plant import Plant
-from resilience.tolerances import POWER_TOLERANCE_MW, PRICE_DECIMALS
+from resilience.tolerances import POWER_TOLERANCE_MW, PRICE_DIGITS
 
 
 def merit_order(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Floats, Bools]:
@@ -31,7 +31,7 @@ def merit_order(plant: Plant, prices: Floats, blocks: Ints) -> tuple[Ints, Float
     Returns:
         (columns,) every source's tier; (tiers,) $ per MW of supply; (tiers,) whether it is a block.
     """
-    marginal = np.round(prices / plant.sign[:, 0], PRICE_DECIMALS)
+    marginal = rounded(prices / plant.sign[:, 0], PRICE_DIGITS)
     block_number = np.zeros(
         len(prices), np.intp
     )  # 0: not a block; every block is a tier of its own

@@ -150,6 +150,24 @@ def test_what_is_rounding_grows_with_the_costs():
     assert statistics.triviality([1e9 + 0.1], [1e9]).trivial
 
 
+def test_what_is_rounding_shrinks_with_the_costs():
+    """A case in kW and in another currency is told apart as the same one in MW is."""
+    cost, rule09, bound = (1e-9 * np.array(v) for v in ([33.0, 38], [40.0, 50], [30.0, 36]))
+    assert statistics.score(cost, rule09, bound) == pytest.approx([0.7, 12 / 14])
+    assert not statistics.triviality(rule09, bound).trivial
+    assert not statistics.triviality([2e-10], [0.0]).trivial
+    found = statistics.mean_interval(cost, rng(), resamples=200)
+    assert found.low < cost.mean() < found.high
+
+
+def test_a_difference_by_rounding_is_no_difference():
+    cost = 40.0 + np.arange(9.0)
+    by_rounding = statistics.paired_difference(cost + 1e-13 * (3 + cost), cost, rng())
+    assert by_rounding.low > 0
+    assert not by_rounding.excludes_zero
+    assert statistics.paired_difference(cost + 1e-6 * (3 + cost), cost, rng()).excludes_zero
+
+
 def test_score_and_gap_agree():
     cost, rule09, bound = np.array([33.0, 38.0]), np.array([40.0, 50.0]), np.array([30.0, 36.0])
     room = statistics.gap_to_bound(rule09, bound)
