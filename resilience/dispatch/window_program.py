@@ -201,7 +201,7 @@ class WindowProgram:
             last - request.t < steps.starts + steps.width
         )
         situation = merged.microgrid.situation(up, profile, is_last=is_last[self.step_of])
-        situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh)
+        situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh, may_spill=True)
         data = merged.microgrid.data(situation)
         # Of a step that passes the end of the horizon only the part before it counts.
         inside = np.clip(last + 1 - request.t - steps.starts, 0, steps.width) / steps.width

@@ -8,7 +8,7 @@ what comes out depends on the episode alone, not on those solved before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -106,7 +106,8 @@ class _BoundProgram:
     def _update(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
         microgrid = self.merged.microgrid
         of_slots = self.merged.profile(lambda name: profile(name)[slots])
-        data = microgrid.data(microgrid.situation(up, of_slots))
+        situation = replace(microgrid.situation(up, of_slots), may_spill=True)
+        data = microgrid.data(situation)
         self.solver.update(self.standard.vectors(data, microgrid.start()))
 
 

@@ -280,7 +280,11 @@ class Microgrid:
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """The data of every component, arrays (labels, nodes)."""
-        return {k: v for c in self.components for k, v in c.data(situation).items()}
+        data = {k: v for c in self.components for k, v in c.data(situation).items()}
+        if situation.may_spill:
+            forced = {fleet.forced for fleet in self.fleets.values()} & data.keys()
+            data |= {name: np.zeros_like(data[name]) for name in forced}
+        return data
 
     def start(self) -> dict[str, Floats]:
         """The states of every component at the start."""

@@ -150,7 +150,9 @@ class _Judged:
     def judge(self, slots: Ints) -> None:
         """Judges some slots of all scenarios."""
         world, n = self.world, self.world.scenarios.n
-        data, situation = stretch_data(world.microgrid, world.line_up, world.profile, slots)
+        data, situation = stretch_data(
+            world.microgrid, world.line_up, world.profile, slots, self.trajectory.energy[:, slots]
+        )
         stacked = np.broadcast_to(world.simulator.stacked(data), (self.form.n_data, len(slots) * n))
         z = self._point(slots)
         low, high, sides, prices = self.form.numbers(stacked)

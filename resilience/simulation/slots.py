@@ -37,6 +37,7 @@ def stretch_data(
     line_up: Bools,
     profile: Callable[[str | None, Ints], Floats],
     slots: Ints,
+    energy: Floats | None = None,
 ) -> tuple[dict[str, Floats], Situation]:
     """The data of some slots in all scenarios, (labels, slots * scenarios) by name, slot by slot.
 
@@ -45,6 +46,8 @@ def stretch_data(
         line_up: as in `Slots`.
         profile: likewise.
         slots: which.
+        energy: (units, slots, scenarios) MWh stored at the start of each, where it is known: what
+            only storage forms is dark then where that has nothing to give.
     """
     lines, _, n = line_up.shape
     profiles: dict[str | None, Floats] = {}
@@ -54,7 +57,12 @@ def stretch_data(
             profiles[name] = profile(name, slots).ravel()
         return profiles[name]
 
-    situation = microgrid.situation(line_up[:, slots].reshape(lines, len(slots) * n), flat)
+    status = line_up[:, slots].reshape(lines, len(slots) * n)
+    if energy is not None and microgrid.energised is not None:
+        energy = energy.reshape(len(energy), len(slots) * n)
+        situation = microgrid.situation(status, flat, energy=energy)
+    else:
+        situation = microgrid.situation(status, flat)
     return microgrid.data(situation), situation
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -90,11 +91,10 @@ class Sddp:
             constants = cuts.constants(scenario_levels)
             scenario_cuts.append(Cuts(constants, cuts.beta, np.empty((cuts.n, 0))))
         microgrid, now = self.fleet.microgrid, np.array([t])
-        data = microgrid.data(
-            microgrid.situation(
-                observation.line_up, lambda name: observation.forecast(name, now)[0]
-            )
+        situation = microgrid.situation(
+            observation.line_up, lambda name: observation.forecast(name, now)[0]
         )
+        data = microgrid.data(replace(situation, may_spill=True))
         present = NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
         numbered = [(self.program, self.program.numbers(present, 0))]
         cut_owner = np.repeat(np.arange(n), [cuts.n for cuts in scenario_cuts])

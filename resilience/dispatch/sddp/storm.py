@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -166,7 +166,8 @@ def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> 
         outcomes = [np.append(0.0, climate.profile(name, t, w)) for w in range(n)]
         return np.tile(np.concatenate(outcomes), up.shape[1])
 
-    data = fleet.microgrid.data(fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile))
+    situation = fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile)
+    data = fleet.microgrid.data(replace(situation, may_spill=True))
     shaped = {k: v.reshape(len(v), up.shape[1], n, 1 + levels).copy() for k, v in data.items()}
     for value in shaped.values():
         value[..., 1:] -= value[..., :1]
