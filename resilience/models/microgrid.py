@@ -282,8 +282,8 @@ class Microgrid:
         """The data of every component, arrays (labels, nodes)."""
         data = {k: v for c in self.components for k, v in c.data(situation).items()}
         if situation.may_spill:
-            forced = {fleet.forced for fleet in self.fleets.values()} & data.keys()
-            data |= {name: np.zeros_like(data[name]) for name in forced}
+            forced = {fleet.forced for fleet in self.fleets.values()}
+            data |= {name: np.zeros_like(data[name]) for name in data if name in forced}
         return data
 
     def start(self) -> dict[str, Floats]:
