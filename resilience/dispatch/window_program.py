@@ -156,7 +156,7 @@ class WindowProgram:
         loads = merged.microgrid.case.tables_of(LoadTable)
         self.final_price_per_mwh = max((load.shed_price_per_mwh for load in loads), default=0.0)
         dt = merged.microgrid.case.step_h
-        stages = [merged.microgrid.stage(dt), merged.microgrid.stage(dt * steps.block_slots)]
+        stages = [merged.microgrid.stage(h, may_spill=True) for h in (dt, dt * steps.block_slots)]
         if reserve is not None:
             for stage in stages:
                 reserve.emit(stage)
@@ -201,7 +201,7 @@ class WindowProgram:
             last - request.t < steps.starts + steps.width
         )
         situation = merged.microgrid.situation(up, profile, is_last=is_last[self.step_of])
-        situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh, may_spill=True)
+        situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh)
         data = merged.microgrid.data(situation)
         # Of a step that passes the end of the horizon only the part before it counts.
         inside = np.clip(last + 1 - request.t - steps.starts, 0, steps.width) / steps.width

@@ -8,7 +8,7 @@ what comes out depends on the episode alone, not on those solved before.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -74,7 +74,8 @@ class _BoundProgram:
         microgrid = self.merged.microgrid
         tree = Tree.chain([f"t{t}" for t in range(slots)])
         cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
-        self.standard = unroll([microgrid.stage(microgrid.case.step_h)], tree, cuts)
+        stage = microgrid.stage(microgrid.case.step_h, may_spill=True)
+        self.standard = unroll([stage], tree, cuts)
         self.solver = Highs(lower(self.standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)
         nothing = np.empty((0, slots), np.intp)
@@ -106,8 +107,7 @@ class _BoundProgram:
     def _update(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
         microgrid = self.merged.microgrid
         of_slots = self.merged.profile(lambda name: profile(name)[slots])
-        situation = replace(microgrid.situation(up, of_slots), may_spill=True)
-        data = microgrid.data(situation)
+        data = microgrid.data(microgrid.situation(up, of_slots))
         self.solver.update(self.standard.vectors(data, microgrid.start()))
 
 

@@ -209,13 +209,14 @@ class Microgrid:
         sent = buses.v_max_pu[self.network.from_bus, None] * current
         return FlowLimits(names, peak, sent, sent, current)
 
-    def stage(self, dt: float, *, energy_known: bool = False) -> Stage:
+    def stage(self, dt: float, *, energy_known: bool = False, may_spill: bool = False) -> Stage:
         """One step: all components, and `balance` of power at every bus.
 
         Args:
             dt: its length, h.
             energy_known: what is stored at the start is known before its data are made, see
                 `situation`, so that data tell which islands are alive.
+            may_spill: what must be taken may be spilled, as in simulations; a plan has to use it.
         """
         stage = Stage(dt, reactive=self.physics != "copperplate")
         energised = None if energy_known else self.energised
@@ -224,10 +225,14 @@ class Microgrid:
             if isinstance(component, Energised) and energised is None:
                 continue
             power = component.emit(stage)
-            if power is not None:
-                fed.append(power)
-                if energised is not None and isinstance(component, DeviceFleet):
+            if power is None:
+                continue
+            if isinstance(component, DeviceFleet):
+                if energised is not None:
                     energised.limit(stage, component, power)
+                if may_spill:
+                    power = component.with_spill(stage, power)
+            fed.append(power)
         if energised is not None:
             energised.connect(stage)
         stage.eq("balance.p", self._at_buses([(i.p, i.bus) for i in fed]))
@@ -280,11 +285,7 @@ class Microgrid:
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """The data of every component, arrays (labels, nodes)."""
-        data = {k: v for c in self.components for k, v in c.data(situation).items()}
-        if situation.may_spill:
-            forced = {fleet.forced for fleet in self.fleets.values()}
-            data |= {name: np.zeros_like(data[name]) for name in data if name in forced}
-        return data
+        return {k: v for c in self.components for k, v in c.data(situation).items()}
 
     def start(self) -> dict[str, Floats]:
         """The states of every component at the start."""

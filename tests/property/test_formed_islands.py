@@ -266,7 +266,7 @@ def test_a_full_store_beside_a_sun_that_nobody_can_turn_down(method: str) -> Non
     case = small_case(
         slots=3,
         load=[{"p_max_mw": 1.1, "shed_cost_per_mwh": 1.7}],
-        pv=[{"p_max_mw": 1.5, "curtailable": False}],
+        pv=[{"p_max_mw": 1.5, "curtailable": False, "cost_per_mwh": -0.7}],
         ess=[{"p_max_mw": 0.9, "e_mwh": 2.3, "soc_initial": 0.9, "soc_max": 0.9}],
         generator=[{"p_max_mw": 0.3, "cost_per_mwh": 9.0}],
     )
@@ -274,4 +274,6 @@ def test_a_full_store_beside_a_sun_that_nobody_can_turn_down(method: str) -> Non
     done = simulate(world, DISPATCHERS[method](world.setting))
     assert done.spill is not None
     assert done.spill.sum() == pytest.approx(3 * 0.4, abs=1e-6)
-    assert done.cost.sum() == pytest.approx(0.0, abs=1e-6) == clairvoyant(world).objective[0]
+    # All of it came and is paid for, what is spilled as well.
+    assert done.cost.sum() == pytest.approx(-0.7 * 3 * 1.5, abs=1e-6)
+    assert clairvoyant(world).objective[0] == pytest.approx(done.cost.sum(), abs=1e-6)

@@ -11,8 +11,14 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from resilience.errors import InfeasibleError
-from resilience.models.microgrid import Physics
+from resilience.dispatch.registry import DISPATCHERS
+from resilience.errors import InfeasibleError, UsageError
+from resilience.evaluation.clairvoyant import clairvoyant
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.case_program import status
+from resilience.models.microgrid import Microgrid, Physics
+from resilience.simulation.simulate import simulate
+from resilience.simulation.world import World
 from resilience.testing import small_case
 from tests.known.solving import solved
 from tests.property.oracles import Document, Scene, ac_point, linear_optimum, random_document
@@ -20,6 +26,8 @@ from tests.property.oracles import Document, Scene, ac_point, linear_optimum, ra
 MORE = int(os.environ.get("RESILIENCE_RANDOM_CASES", "60"))
 SCALES_MW = (0.15, 1.0, 18.0, 1e-3)
 GAP = 1e-5
+SPILLED = (104, 232, 282)
+"""A sun that nobody can turn down is too much, and paid for what it brings."""
 TWO_MODES_IN_AC = 108
 """Its storage keeps to one mode in the cone relaxation, and burns in two in the AC equations."""
 
@@ -75,3 +83,21 @@ def test_no_bound_is_above_an_ac_plan(seed: int) -> None:
     if found.answer.status == "optimal":
         assert found.objective <= reached + 2e-4 * abs(reached) + dust
     assert max(found.near_limits.values(), default=0.0) == 0.0
+
+
+@pytest.mark.parametrize("seed", seeds(16, *SPILLED))
+def test_no_dispatcher_is_below_the_clairvoyant_bound(seed: int) -> None:
+    document, scale = drawn(seed, ac=False)
+    case = small_case(**document)
+    down = ~status(case)[:, :, None]
+    storms = Scenarios(case.network.line_names, down, np.ones(1))
+    try:
+        world = World.build(Microgrid.build(case, "copperplate"), storms)
+    except UsageError as error:
+        pytest.skip(error.message)
+    (bound,) = clairvoyant(world).objective
+    planners = ("mpc-blind", "mpc", "stochastic") if case.ess else ()
+    for method in ("idle", "greedy", "rule", *planners):
+        run = simulate(world, DISPATCHERS[method](world.setting))
+        (cost,) = run.objective(world.end_value_per_mwh)
+        assert cost >= bound - 1e-6 * (abs(bound) + scale), method

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -53,7 +52,7 @@ class Sddp:
         self.book = book or Book(case)
         self.fleet, self.memory = self.book.fleet, Memory(setting)
         self.lines = [case.network.line(name) for name in self.book.lines]
-        self.program = StageProgram(self.fleet.microgrid.stage(case.step_h))
+        self.program = StageProgram(self.fleet.microgrid.stage(case.step_h, may_spill=True))
         self.lookahead = Lookahead(self.book, paths) if paths else None
         self._midnight, self._end = self.book.ends(setting.end_value_per_mwh)
 
@@ -94,7 +93,7 @@ class Sddp:
         situation = microgrid.situation(
             observation.line_up, lambda name: observation.forecast(name, now)[0]
         )
-        data = microgrid.data(replace(situation, may_spill=True))
+        data = microgrid.data(situation)
         present = NoiseOutcomes(0, np.full(n, 1.0 / n), {k: v[:, :, None] for k, v in data.items()})
         numbered = [(self.program, self.program.numbers(present, 0))]
         cut_owner = np.repeat(np.arange(n), [cuts.n for cuts in scenario_cuts])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -142,7 +142,7 @@ def day_program(
         for t in range(stop)
     ]
     end = Cuts.of_prices(terminal, len(climate.basis))
-    stage = fleet.microgrid.stage(fleet.microgrid.case.step_h)
+    stage = fleet.microgrid.stage(fleet.microgrid.case.step_h, may_spill=True)
     return Multistage([stage], outcomes, chain.transition[:stop], end)
 
 
@@ -166,8 +166,7 @@ def _slot(fleet: Fleet, up: Bools, climate: Climate, prices: Prices, t: int) -> 
         outcomes = [np.append(0.0, climate.profile(name, t, w)) for w in range(n)]
         return np.tile(np.concatenate(outcomes), up.shape[1])
 
-    situation = fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile)
-    data = fleet.microgrid.data(replace(situation, may_spill=True))
+    data = fleet.microgrid.data(fleet.microgrid.situation(np.repeat(up, per_mode, axis=1), profile))
     shaped = {k: v.reshape(len(v), up.shape[1], n, 1 + levels).copy() for k, v in data.items()}
     for value in shaped.values():
         value[..., 1:] -= value[..., :1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
@@ -18,7 +18,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import DEVICES, DeviceTable, GridTable, LoadTable
 from resilience.errors import UsageError
-from resilience.models.algebra import Labels
+from resilience.models.algebra import Labels, scatter
 from resilience.models.components.base import Injection
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import Capacity
@@ -177,6 +177,16 @@ class DeviceFleet(ABC):
     def must_take(self) -> Bools:
         """Whether a device feeds in the datum `forced` at least, which nobody can turn down."""
         return np.zeros(len(self.tables), bool)
+
+    def with_spill(self, stage: Stage, fed: Injection) -> Injection:
+        """What it feeds in less what must be taken and is not used: it came, and has its price."""
+        units = np.flatnonzero(self.must_take())
+        if self.forced is None or not len(units):
+            return fed
+        names = [self.names[k] for k in units]
+        most_mw = stage[self.forced][units]
+        spilled = stage.var(f"{self.kind}.spilled", names, 0.0, most_mw, about="power spilled")
+        return replace(fed, p=fed.p - scatter(spilled, units, len(self.names), self.names))
 
     def forms_surely(self) -> Bools:
         """Whether a device forms its island whatever is decided; never more than `forming`."""

@@ -36,8 +36,6 @@ class Situation:
         is_last: (nodes,) whether the horizon ends with the node; None: with none of them.
         final_price_per_mwh: of a storage's lack of energy where the horizon ends; None: it may
             lack none.
-        may_spill: whether power that must be taken may be spilled, as simulations do where a
-            plan has to use it.
     """
 
     profile: Callable[[str | None], Floats]
@@ -51,7 +49,6 @@ class Situation:
     line_up_before: Bools | None = None
     is_last: Bools | None = None
     final_price_per_mwh: float | None = None
-    may_spill: bool = False
 
     @cached_property
     def _known_islands(self) -> Islands:
