@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import resilience as rs
 from resilience.arrays import Floats
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.sddp.book import Book
@@ -86,6 +87,27 @@ def test_the_bound_is_the_same_in_every_unit() -> None:
     for power, price in SCALES:
         found = clairvoyant(world(power, price)).objective / (power * price)
         np.testing.assert_allclose(found, right, rtol=2e-6, err_msg=f"{power:g}, {price:g}")
+
+
+@pytest.mark.parametrize("algorithm", ["extensive", "lshaped"])
+@pytest.mark.parametrize("risk", ["mean", "cvar:0.8:0.4"])
+def test_a_plan_over_scenarios_is_the_same_in_every_unit(algorithm: str, risk: str) -> None:
+    unit = {"bus": "3", "p_max_mw": 0.31, "p_min_mw": 0.11, "min_up_h": 3, "cost_per_mwh": 4.3}
+    unit |= {"start_cost": 0.9, "no_load_cost_per_h": 0.37}
+
+    def answer(power: float, price: float) -> Floats:
+        case = scaled(document() | {"generator": [unit]}, power, price)
+        storms = sample_bell(case, BELL, 4, 3)
+        plan = rs.solve(
+            case, "stochastic", scenarios=storms, algorithm=algorithm, risk=risk, relative_gap=1e-6
+        )
+        assert plan.status == "optimal"
+        return np.array([plan.objective, plan.bound])
+
+    right = answer(1.0, 1.0)
+    for power, price in SCALES:
+        found = answer(power, price) / (power * price)
+        np.testing.assert_allclose(found, right, rtol=4e-6, err_msg=f"{power:g}, {price:g}")
 
 
 def test_cuts_are_trained_as_far_in_every_unit() -> None:

@@ -14,6 +14,7 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.base import OutOfTimeError, failures_of, no_numbers
 from resilience.models.backends.highs_model import LINEAR_OPTIONS, HighsModel, RunStatus
+from resilience.models.backends.highs_scale import Scale
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
 
@@ -24,12 +25,13 @@ class Plain:
     Args:
         a: (rows, columns).
         vectors: everything else. Owned by this object from now on.
+        scale: the units in which HiGHS holds it; those of the arrays if omitted.
     """
 
-    def __init__(self, a: sp.csr_array, vectors: Vectors) -> None:
+    def __init__(self, a: sp.csr_array, vectors: Vectors, scale: Scale | None = None) -> None:
         self._blocks, self.vectors = [a], vectors
         self._model = HighsModel(LINEAR_OPTIONS)
-        self._model.load(a, vectors)
+        self._model.load(a, vectors, scale=scale)
 
     def add_rows(self, block: sp.csr_array, lower: Floats, upper: Floats) -> None:
         """Adds rows  lower <= block z <= upper."""

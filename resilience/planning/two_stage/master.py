@@ -15,10 +15,12 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.errors import InfeasibleError
+from resilience.models.backends.highs_scale import Scale
 from resilience.models.backends.lower import lower
 from resilience.models.backends.plain import Plain
 from resilience.models.program.risk import node_prices
 from resilience.models.program.standard import Vectors, reach
+from resilience.models.program.units import MONEY, Units, dimensions
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.recourse import SecondStage
 from resilience.planning.two_stage.two_stage import TwoStage
@@ -81,8 +83,20 @@ class Master:
         self._n, n_branches = lowered.a.shape[1], len(branches)
         self._theta = self._n + np.arange(n_branches)
         self._after = self._n + n_branches
-        self.program = Plain(*self._arrays(lowered.a, lowered.vectors(v)))
+        a, numbers = self._arrays(lowered.a, lowered.vectors(v))
+        self.program = Plain(a, numbers, self._scale(a, v))
         self._theta_box = (np.full(n_branches, -np.inf), np.full(n_branches, -np.inf))
+
+    def _scale(self, a: sp.csr_array, v: Vectors) -> Scale | None:
+        """Its own units: those of the trunk, and of money for all that `_arrays` adds."""
+        first = self.two_stage.first
+        units = Units.of_program(first, v)
+        if units == Units():
+            return None
+        dimension = np.zeros(a.shape[1], np.intp)
+        dimension[self._n :] = MONEY
+        dimension[: first.n_columns] = dimensions(first)
+        return Scale.of_matrix(a, units.sizes(dimension), units.cost)
 
     def _arrays(self, a: sp.csr_array, v: Vectors) -> tuple[sp.csr_array, Vectors]:
         """The trunk's rows and numbers with those of theta and of risk behind them."""
