@@ -37,7 +37,7 @@ from resilience.models.structures import (
 from resilience.tolerances import CONFLICT_TOLERANCE
 
 MAX_LISTED = 12  # rows that `conflict` names
-# A tenth of Clarabel's own and less: an island is alive from a thousandth of its storage on, so that
+# A tenth of Clarabel's own or less: an island is alive from a thousandth of its storage on, so that
 # 1e-9 MWh may let it serve 1e-6 MWh, and a point open by 1e-8 costs visibly less than any can.
 TOLERANCES = {"tol_feas": 1e-10, "tol_gap_rel": 1e-9, "tol_gap_abs": 1e-9}
 WITHOUT_POINT = {
