@@ -103,16 +103,16 @@ class MPC:
     def _request(self, observation: Observation, k: int) -> WindowRequest:
         """What the program is asked in scenario k."""
         steps, history = self.steps, self.memory.history(observation, k)
-        up = np.ones((len(observation.line_up), steps.horizon), bool)
-        up[:, 0] = observation.line_up[:, k]
-        remaining = self.belief.expected_left(history)
-        for line, slots in zip(self.memory.lines, remaining, strict=True):
-            up[line, 1 : 1 + slots] = False
+        up = np.ones((len(observation.line_up), steps.n, 1), bool)
+        up[:, 0, 0] = observation.line_up[:, k]
+        # What is down comes back once, so a block's first slot speaks for the block.
+        slots_left = self.belief.expected_left(history)
+        up[self.memory.lines, 1:, 0] = steps.starts[1:] > slots_left[:, None]
         end = min(observation.t + steps.horizon, self.setting.case.slots)
         return WindowRequest(
             observation.t,
             observation.energy[:, k],
-            np.minimum.reduceat(up, steps.starts, axis=1)[:, :, None],
+            up,
             np.ones(1),
             observation.forecast_of(k),
             self.value[:, end],
@@ -125,7 +125,7 @@ class MPC:
         chance = self.belief.chances(self.memory.history(observation, k), steps.horizon)
         cut_off = reserve.cut_off(chance)
         price = self.price * np.add.reduceat(cut_off, steps.starts, axis=1)
-        lack = reserve.lack(observation.forecast_of(k), t + 1, steps.horizon + self.longest)
+        slots = steps.horizon + self.longest - 1
+        lack = reserve.lack(observation.forecast_of(k), t + 1, slots)
         level = reserve.level(lack, self.longest)
-        ends = np.minimum(steps.starts + steps.width - 1, steps.horizon - 1)
-        return level[:, ends], price
+        return level[:, steps.starts + steps.width - 1], price

@@ -132,8 +132,8 @@ class Reserve:
         """(buses, slots) MWh wanted where an outage of `longest` slots may begin, floor included.
 
         Args:
-            lack: (buses, slots + longest) MW that loads want beyond PV and generators, per bus with
-                storage.
+            lack: (buses, slots + longest - 1) MW that loads want beyond PV and generators, per bus
+                with storage.
             longest: slots of the longest outage.
         """
         case, dt = self.microgrid.case, self.microgrid.case.step_h

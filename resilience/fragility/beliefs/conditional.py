@@ -159,8 +159,8 @@ def _cannot_fail(bell: Bell, history: LineHistory) -> Bools:
 
 
 def _storm_peaks(bell: Bell, storm_peak: int, u: Floats) -> Ints:
-    slots = bell.centre_slots()
     """(paths,) slots in which the hazard peaks: the one that is known, or all that are possible."""
+    slots = bell.centre_slots()
     return _pick(slots, u) if storm_peak < 0 else np.full(len(u), storm_peak)
 
 
