@@ -289,18 +289,8 @@ def test_a_scenario_without_recourse_is_named(solve: object) -> None:
         solve(broken, TIGHT)  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("apart", [True, False])
-@pytest.mark.parametrize(
-    ("end_cost", "discount"), [(1000.0, 0.3), (2.0, 60.0)], ids=["dear end", "paid to fill"]
-)
-def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
-    monkeypatch: pytest.MonkeyPatch, end_cost: float, discount: float, apart: bool
-) -> None:
-    # What is spent at the least is far from nothing: above it, or below where filling is paid for.
-    two = program(6, Risk(0.6, 0.4), apart=apart)
-    data = {**two.data, "price": two.data["price"] - discount}
-    cut = Cut(end_cost, {"store": np.array([-0.7, -0.4])})
-    two = TwoStage(two.stages, two.tree, two.trunk, data, two.x0, [cut], two.risk)
+def check_boxes(monkeypatch: pytest.MonkeyPatch, two: TwoStage) -> None:
+    """Every box that a bound is taken over holds the optimum, and no cut widens it downwards."""
     boxes, points = [], []
     bound, solve = Plain.bound, Plain.solve
 
@@ -323,3 +313,47 @@ def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
     assert (point <= high + 1e-6).all()
     for (low, _), (later, _) in pairwise(boxes):  # every cut is one bound more
         assert (later >= low - 1e-9).all()
+
+
+@pytest.mark.parametrize("apart", [True, False])
+@pytest.mark.parametrize(
+    ("end_cost", "discount"), [(1000.0, 0.3), (2.0, 60.0)], ids=["dear end", "paid to fill"]
+)
+def test_the_box_that_a_bound_is_taken_over_holds_the_optimum(
+    monkeypatch: pytest.MonkeyPatch, end_cost: float, discount: float, apart: bool
+) -> None:
+    # What is spent at the least is far from nothing: above it, or below where filling is paid for.
+    two = program(6, Risk(0.6, 0.4), apart=apart)
+    data = {**two.data, "price": two.data["price"] - discount}
+    cut = Cut(end_cost, {"store": np.array([-0.7, -0.4])})
+    check_boxes(
+        monkeypatch, TwoStage(two.stages, two.tree, two.trunk, data, two.x0, [cut], two.risk)
+    )
+
+
+@pytest.mark.parametrize(
+    ("branch", "price", "end_cost", "alpha"),
+    [
+        (None, 5000.0, 1e6, 0.97),
+        (None, -2000.0, -1000.0, 0.03),
+        (2, 5000.0, 2.0, 0.97),
+        (2, -5000.0, 2.0, 0.03),
+    ],
+)
+def test_the_box_holds_one_scenario_that_is_unlike_all_others(
+    monkeypatch: pytest.MonkeyPatch, branch: int | None, price: float, end_cost: float, alpha: float
+) -> None:
+    """Only who stays on the trunk, or one branch, pays for its last slot or is paid for it: the
+    worst 3 % begin with this one, or all but the best 3 % do, so the threshold is what it costs.
+    """
+    two = program(6, Risk(alpha, 0.4))
+    only, node = two.staying, two.trunk - 1
+    if branch is not None:
+        only, node = two.branches[branch].probability, two.branches[branch].nodes[-1]
+    assert only > 0.03
+    prices = two.data["price"].copy()
+    prices[:, node] = price
+    data, cut = {**two.data, "price": prices}, Cut(end_cost, {"store": np.array([-0.7, -0.4])})
+    check_boxes(
+        monkeypatch, TwoStage(two.stages, two.tree, two.trunk, data, two.x0, [cut], two.risk)
+    )
