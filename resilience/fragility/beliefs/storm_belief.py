@@ -55,7 +55,7 @@ class StormBelief:
     Args:
         fallen: (components, lines, slots + 1) minus log of the chance to stand through slot t - 1.
         weight: (components,) before anything is seen.
-        calm: (lines, slots) where crews may work, in most members of the forecast.
+        calm: (lines, slots) where crews may work, in half the members of the forecast or more.
         repair: how lines are mended.
         step_h: length of a slot.
         seed: of sampled futures.
@@ -184,9 +184,11 @@ class StormBelief:
         is_down = history.since >= 0
         if not is_down.any():
             return np.zeros(len(is_down), np.intp)
-        down = self.paths(history, self.slots - history.t - 1, LENGTH_PATHS)
-        run = np.logical_and.accumulate(down, axis=1).sum(axis=1).mean(axis=1)
-        return np.where(is_down, np.ceil(run - SLOT_TOLERANCE), 0).astype(np.intp)
+        # What is mended holds, so all slots in which a line is down are of the present outage.
+        mean = (
+            self.paths(history, self.slots - history.t - 1, LENGTH_PATHS).sum(axis=1).mean(axis=1)
+        )
+        return np.where(is_down, np.ceil(mean - SLOT_TOLERANCE), 0).astype(np.intp)
 
     def _may_fail(self, history: LineHistory) -> Bools:
         """(lines,) True where a line has not failed yet."""

@@ -21,7 +21,7 @@ from resilience.fragility import (
     sample_outages,
     summary,
 )
-from resilience.fragility.draw import shifts
+from resilience.fragility.draw import Day, outage_path, shifts
 from resilience.testing import small_case
 from tests.unit.fragility.storms import LINES, feeder
 
@@ -122,6 +122,36 @@ def test_outages_end_at_midnight_unless_they_run_on() -> None:
     assert not (cut.down[:, 95] & cut.down[:, 96]).any()
     assert {stop - first for *_, first, stop in on.events() if stop < 192} <= {12, 13, 14, 15}
     assert (on.down[:, 95] & on.down[:, 96]).any()
+
+
+def day_of_ten_slots(lengths: dict[int, int]) -> Day:
+    """A day in which one line fails in some slots if it is up: until it is back, so many slots."""
+    fails, slots = np.zeros((1, 10), bool), np.full((1, 10), 99)
+    fails[0, list(lengths)], slots[0, list(lengths)] = True, list(lengths.values())
+    return Day(5, fails, slots)
+
+
+@pytest.mark.parametrize(
+    ("overnight", "refail", "spans"),
+    [
+        # Back at every midnight; of two failures on a day the first counts.
+        (False, False, [(0, 2), (11, 20), (22, 27), (30, 34)]),
+        (False, True, [(0, 2), (7, 10), (11, 20), (22, 27), (30, 34), (36, 38)]),
+        # Down until slot 23: the failure of slot 22 hits nothing, that of slot 24 does.
+        (True, False, [(0, 2), (11, 23), (24, 27), (30, 34)]),
+        # Slot 13 hits a line that is just back; all of the third day and slot 30 hit nothing.
+        (True, True, [(0, 2), (7, 17), (18, 31), (36, 38)]),
+    ],
+)
+def test_a_path_of_four_days_by_hand(
+    overnight: bool, refail: bool, spans: list[tuple[int, int]]
+) -> None:
+    failures = ({0: 2, 7: 6}, {1: 12, 2: 2, 3: 4, 8: 13}, {2: 5, 4: 3}, {0: 4, 6: 2})
+    days = [day_of_ten_slots(lengths) for lengths in failures]
+    path = outage_path(days, Bell(overnight=overnight, refail=refail))
+    assert path.shape == (1, 40)
+    down = [slot for start, stop in spans for slot in range(start, stop)]
+    assert np.flatnonzero(path[0]).tolist() == down
 
 
 def test_days_begin_at_midnight_whenever_the_horizon_does() -> None:

@@ -103,6 +103,14 @@ def test_a_repair_of_an_hour_ends_an_hour_after_the_failure() -> None:
     assert found.paths(known(3, b=2), 6, 50)[1].sum(axis=0).tolist() == [2] * 50
 
 
+def test_an_outage_is_expected_to_last_for_the_mean_of_what_it_may() -> None:
+    """From one to three hours, 5 to 12 slots alike, of which two are over: 3 to 10 more, or 8 where
+    the horizon ends, on average 6.125.
+    """
+    found = belief(0.3, Repair("uniform", (1.0, 3.0), wind_limit_mps=200.0))
+    assert found.expected_left(known(3, b=2)).tolist() == [0, 7, 0]
+
+
 def test_no_crew_works_in_the_wind() -> None:
     found = belief(0.3)
     found.calm[:, :8] = False

@@ -77,6 +77,19 @@ def test_a_line_in_work_keeps_its_crew_when_one_of_higher_priority_fails() -> No
     assert StormBelief.from_storm(of, NAMES).expected_left(known(past)).tolist() == [4, 20, 12, 0]
 
 
+def test_crews_are_expected_out_where_half_the_members_let_them_work() -> None:
+    """The wind at d drops a slot later in every member: in 1, 2, 3, then 4 of them there is work.
+    At a there is none, at c there is always; what the storm does not meet never needs any.
+    """
+    of = storm(np.full(9, 5.0), Repair("fixed", (4.0,), wind_limit_mps=17.0))
+    of.winds, slot = of.winds * 4, np.arange(9)
+    never, always = np.zeros(9, bool), np.ones(9, bool)
+    calm = iter([np.stack([never, never, always, slot >= drop]) for drop in (3, 4, 5, 6)])
+    of.calm = lambda wind: next(calm)
+    belief = StormBelief.from_storm(of, ("d", "elsewhere", "c"))
+    assert belief.calm.tolist() == [(slot >= 4).tolist(), always.tolist(), always.tolist()]
+
+
 WINDY = np.array([40.0, 52.0, 58.0, 61.0, 30.0, 15.0, 15.0, 30.0] + [10.0] * 24)
 UNEVEN = np.stack([WINDY, np.roll(WINDY, 1), WINDY + 2.0, np.minimum(WINDY, 53.0)])
 REPAIRS = (
