@@ -127,7 +127,8 @@ def test_a_plan_with_every_kind_of_decision(everything: Plan) -> None:
 def test_a_wrong_decision_is_caught(everything: Plan) -> None:
     """Whatever single decision is moved by 0.01, cost, states or a row no longer fit.
 
-    What a storage lacks to form an island only has to be large enough, and is no decision.
+    States follow, but for lines that are closed, and so does what a storage lacks to form an
+    island: replay makes it the largest of what it stands for, whatever the plan says.
     """
     table = everything.tables["variables"]
     states = replay(everything).states

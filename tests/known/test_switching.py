@@ -1,12 +1,13 @@
 """Lines that the plan may open and close: load saved through a tie, and always a forest."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import networkx as nx
 import numpy as np
 import pytest
 
+from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
@@ -138,13 +139,21 @@ def test_an_open_line_has_no_current_even_where_the_cone_is_relaxed() -> None:
     current = standard.columns("line.l")[tie]
     cost = np.zeros(standard.n_columns)
     cost[current] = -1.0
-    solver = Highs(lower(standard, modes={}))
-    solver.update(replace(vectors, cost=cost, offset=0.0))
-    point = solver.solve().point
+
+    def most(integer: Literal["all", "none"]) -> Floats:
+        solver = Highs(lower(standard, integer=integer, modes={}))
+        solver.update(replace(vectors, cost=cost, offset=0.0))
+        return solver.solve().point
+
+    point, relaxed = most("all"), most("none")
     # A forest has the tie in the two hours of the outage, and in no other.
     assert point[standard.columns("line.closed")[0]] == pytest.approx([0, 1, 1, 0], abs=1e-9)
     assert point[current][[0, 3]] == pytest.approx([0.0, 0.0], abs=1e-9)
     assert point[current][[1, 2]].min() > 0.5
+    # A line that is closed by a share has that share of its current.
+    closed = relaxed[standard.columns("line.closed")[0]]
+    assert 0.05 < closed.min() < 0.2
+    np.testing.assert_allclose(relaxed[current], closed * vectors.upper[current], rtol=1e-9)
 
 
 def two_sources() -> Case:

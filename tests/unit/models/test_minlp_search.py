@@ -372,7 +372,8 @@ def test_a_relaxation_with_whole_units_is_the_first_commitment(
     monkeypatch: pytest.MonkeyPatch, fraction: float, starts: int
 ) -> None:
     """With a unit that runs by half, any commitment is; both leave tangents of the relaxation."""
-    of, sought = program(), list[Any]()
+    of, sought, touched = program(), list[Any](), list[Any]()
+    true_tangents = minlp.tangents
     first, any_one = answer(of, 19.0, 19.0, fraction), answer(of, 31.0, -np.inf, ones=1.0)
 
     def any_point(*_: Any) -> Solution:
@@ -383,6 +384,11 @@ def test_a_relaxation_with_whole_units_is_the_first_commitment(
         assert point is (any_one if starts else first)
         return answer(of, 25.0, 3.0)
 
+    def tangents(*asked: Any) -> Any:
+        touched.append(asked)
+        return true_tangents(*asked)
+
+    monkeypatch.setattr(minlp, "tangents", tangents)
     monkeypatch.setattr(minlp, "root", lambda *_: first)
     monkeypatch.setattr(minlp, "any_point", any_point)
     monkeypatch.setattr(minlp, "relaxation", lambda *_, **__: any_one)
@@ -391,6 +397,7 @@ def test_a_relaxation_with_whole_units_is_the_first_commitment(
     monkeypatch.setattr(minlp, "_round", lambda *_: False)
     assert minlp.minlp(of, MethodOptions(8.0, 0.01, Clock())).objective == 25.0
     assert len(sought) == starts
+    assert touched == [(of.standard, first.z)]
 
 
 def test_a_start_that_finds_nothing_leaves_it_to_the_rounds(

@@ -93,20 +93,53 @@ def test_an_island_without_a_forming_unit_is_dead_and_says_so(tmp_path: Path) ->
     np.testing.assert_array_equal(plan.tables["island"]["2"] == 0, [False, True, True, False])
 
 
-def test_reasons_power_energy_saved_and_block(tmp_path: Path) -> None:
+def test_reasons_power_energy_and_block(tmp_path: Path) -> None:
     weak = LOAD + '[[generator]]\nname = "g"\nbus = "2"\np_max_mw = 0.5\ncost_per_mwh = 2.0\n'
     plan = rs.solve(case(tmp_path, weak), "lp", outages="1-2@01:00-03:00")
     assert plan.shed_by_load == {"town": {"power": pytest.approx(3.0)}}
-    stored = LOAD + (
-        '[[ess]]\nname = "b"\nbus = "2"\np_max_mw = 2.0\ne_mwh = 2.0\nsoc_initial = 1.0\n'
-    )
-    plan = rs.solve(case(tmp_path, stored), "lp", outages="1-2@01:00-03:00")
-    # An island is dark as soon as the store that formed it is empty.
-    assert set(plan.shed_by_load["town"]) <= {"energy", "saved", "no source"}
-    assert plan.shed_mwh == pytest.approx(2.0)
+    plan = rs.solve(case(tmp_path, LOAD + store(1.2)), "lp", outages="1-2@01:00-02:00")
+    assert plan.shed_by_load == {"town": {"energy": pytest.approx(0.8)}}
     whole = weak.replace("shed_cost_per_mwh", "block = true\nshed_cost_per_mwh")
     plan = rs.solve(case(tmp_path, whole), "milp", outages="1-2@01:00-03:00")
     assert plan.shed_by_load == {"town": {"block": pytest.approx(4.0)}}
+
+
+def store(e_mwh: float) -> str:
+    """A full store at bus 2."""
+    store = '[[ess]]\nname = "b"\nbus = "2"\np_max_mw = 2.0\nsoc_initial = 1.0\n'
+    return store + f"e_mwh = {e_mwh}\n"
+
+
+def loads(clinic: list[float], town: list[float]) -> str:
+    """A load of 1.5 MW at bus 2 that is dearer to shed than the town, and one that is cheaper."""
+    dear = '[[load]]\nname = "clinic"\nbus = "2"\np_max_mw = 1.5\nshed_cost_per_mwh = 30.0\n'
+    cheap = '[[load]]\nname = "shop"\nbus = "2"\np_max_mw = 0.25\nshed_cost_per_mwh = 8.0\n'
+    columns = f"[profiles.columns]\nclinic = {clinic}\ntown = {town}\n"
+    town_load = LOAD.replace("p_max_mw", 'profile = "town"\np_max_mw')
+    return town_load + dear + 'profile = "clinic"\n' + cheap + columns
+
+
+def test_what_is_saved_for_dearer_hours_is_empty_after_them(tmp_path: Path) -> None:
+    """Of 2 MWh the clinic takes 0.15 and then 1.5; the town asks in the first hour only, so it gets
+    the others then, and the shop nothing.
+    """
+    text = loads([0.2, 0.1, 1.0, 0.3], [0.9, 1.0, 0.0, 0.8]) + store(2.0)
+    plan = rs.solve(case(tmp_path, text), "lp", outages="1-2@01:00-03:00")
+    assert plan.shed_by_load == {
+        "town": {"saved": pytest.approx(1.65)},
+        "shop": {"saved": pytest.approx(0.25), "energy": pytest.approx(0.25)},
+    }
+
+
+def test_an_island_is_dark_as_soon_as_the_store_that_formed_it_is_empty(tmp_path: Path) -> None:
+    """The clinic asks in the first hour only, and takes all there is."""
+    text = loads([0.2, 1.0, 0.0, 0.3], [0.9, 0.7, 0.4, 0.8]) + store(1.2)
+    plan = rs.solve(case(tmp_path, text), "lp", outages="1-2@01:00-03:00")
+    assert plan.shed_by_load == {
+        "town": {"energy": pytest.approx(1.4), "no source": pytest.approx(0.8)},
+        "clinic": {"energy": pytest.approx(0.3)},
+        "shop": {"energy": pytest.approx(0.25), "no source": pytest.approx(0.25)},
+    }
 
 
 def test_a_saved_plan_loads_back(storm: rs.Plan, tmp_path: Path) -> None:

@@ -77,22 +77,41 @@ def test_between_kinks_the_gradient_is_the_difference(recourse: Any) -> None:
     np.testing.assert_allclose(found[smooth], ((left + right) / 2.0)[smooth], rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize(("recourse", "least_share"), [("economic", 1.0), ("paper", 0.98)])
-def test_at_no_action_the_gradient_lies_between_both_sides(
-    recourse: Any, least_share: float
-) -> None:
-    """Charging and discharging meet there: their sum would be no gradient at all.
-
-    Where generators run for the load alone, the balance has its kink at no action, too, and one
-    coordinate of a gradient need not lie between its own two sides.
-    """
-    plant = simulator(recourse)
+def often_idle(plant: Simulator, *, one_charges: bool) -> tuple[list[Scene], Floats]:
+    """Scenes and orders, of which three in five are none; some unit of every island charges."""
     slots, action = drawn(plant, 32)
     action[np.random.default_rng(1).random(action.shape) < 0.6] = 0.0
+    if one_charges:
+        for orders, seen in zip(action, slots, strict=True):
+            island = seen.island[plant.storage_bus]
+            for u, m in np.ndindex(island.shape):
+                if (orders[island[:, m] == island[u, m], m] <= 0.0).all():
+                    orders[u, m] = 0.05
+    return slots, action
+
+
+def beyond_both_sides(plant: Simulator, *, one_charges: bool) -> Floats:
+    """(orders of none) by how much a gradient lies outside its one-sided difference quotients."""
+    slots, action = often_idle(plant, one_charges=one_charges)
     left, right = differences(plant, slots, action)
     low, high = np.minimum(left, right), np.maximum(left, right)
     idle = action == 0.0
+    assert idle.mean() > 0.3
     assert np.median((high - low)[idle]) > 0.04  # wear of 0.2 $ per MWh and 0.25 h, at least
     found = gradient(plant, slots, action)
-    outside = np.maximum(low - found, found - high)[idle]
-    assert (outside < 1e-6).mean() >= least_share
+    return np.maximum(low - found, found - high)[idle]
+
+
+# A quotient may straddle another kink, which is rare and nearly nothing: hence 1e-4.
+@pytest.mark.parametrize(("recourse", "most"), [("economic", 1e-6), ("paper", 1e-4)])
+def test_at_no_action_the_gradient_lies_between_both_sides(recourse: Any, most: float) -> None:
+    """Charging and discharging meet there: their sum would be no gradient at all."""
+    one_charges = recourse == "paper"
+    assert beyond_both_sides(simulator(recourse), one_charges=one_charges).max() < most
+
+
+def test_where_nothing_moves_two_kinks_may_meet() -> None:
+    """Where generators run for the load alone and nothing charges in an island, its balance has its
+    kink at no action, too, and one coordinate of a gradient need not lie between its own two sides.
+    """
+    assert (beyond_both_sides(simulator("paper"), one_charges=False) < 1e-6).mean() >= 0.98
