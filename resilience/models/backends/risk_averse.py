@@ -100,11 +100,10 @@ class RiskAverse(Highs):
         rows, n = solution.duals.rows, len(self._probability)
         largest = self._largest_weights
         weight = np.clip(rows[self._first_row : self._first_row + n], 0.0, largest)
-        # What rounding has left over goes where there is room, so that the weights add up.
-        room = largest - weight
-        weight += (self.risk.weight - weight.sum()) * room / max(float(room.sum()), 1e-300)
-        if (weight < 0.0).any() or (weight > largest * (1.0 + 1e-12)).any():
-            return solution.bound
+        # What they add up to is made right where there is room, or by a common factor.
+        spare = self.risk.weight - weight.sum()
+        room = largest - weight if spare > 0.0 else weight
+        weight = weight + spare * room / max(float(room.sum()), 1e-300)
         v = self._with_extra_rows(self.lowered.vectors(self._sent))
         v.cost[: self._prices.shape[1]] += self._prices.T @ weight
         v.offset += float(self._offsets @ weight)

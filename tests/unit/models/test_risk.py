@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,27 @@ def test_new_prices_need_no_new_model() -> None:
         found = solver.solve()
         assert found.objective == pytest.approx(expected)
         assert solver.certified_bound(found) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("weights", [(7.0, 8.0), (-7.0, -8.0), (0.2, 8.0), (0.1, 0.2), (0.2, 0.4)])
+def test_a_bound_holds_whatever_the_multipliers(weights: tuple[float, float]) -> None:
+    """Weights that the risk allows are at most 0.25 and 0.75 and add up to 0.5, each for itself.
+
+    Whatever the solver says they are, no bound lies above 2. With 0.25 and 0.75 a MWh now would
+    cost 2 (0.5 + 1) = 3, and later no less: 6 (0.125 + 0.25) and 0.375 + 0.75 for the two.
+    """
+    stage, tree = fan()
+    problem = unroll([stage], tree)
+    solver = RiskAverse(problem, Risk(0.5, 0.5))
+    data = {"price": np.array([[2.0, 6.0, 1.0]]), "need": np.array([[0.0, 1.0, 1.0]])}
+    solver.price(data)
+    solver.update(problem.vectors(data, {"stock": np.zeros(1)}))
+    found = solver.solve()
+    assert found.duals is not None
+    for stocks in (found.duals.rows[:3], (3.0, 2.0, 1.0)):
+        rows = np.append(stocks, weights)
+        bound = solver.certified_bound(replace(found, duals=replace(found.duals, rows=rows)))
+        assert -50.0 < bound <= 2.0 + 1e-9
 
 
 def test_prices_of_nodes_add_up_to_the_cost_vector() -> None:
