@@ -100,8 +100,6 @@ class Highs:
             self._pass(self.lowered.vectors(vectors))
         else:
             self._change(vectors, self._sent)
-        if self._discs != self.lowered.discs:
-            self._turn(self.lowered.vectors(vectors))
         # Copies, so that a caller may change its vectors in place.
         self._sent = replace(
             vectors,
@@ -115,7 +113,6 @@ class Highs:
     def _pass(self, v: Vectors) -> None:
         a, v = self._matrix(), self._with_extra_rows(v)
         self.model.load(a, v, self.lowered.integer, None if self.is_mip else self._scale(a))
-        self._discs = self.lowered.discs
 
     def _scale(self, a: sp.csr_array) -> Scale | None:
         """The program's own units, where they are not those that it is in."""
@@ -142,12 +139,6 @@ class Highs:
         if len(columns):
             model.change_costs(columns, new.cost[columns])
         model.change_offset(new.offset)
-
-    def _turn(self, v: Vectors) -> None:
-        """Polygons from within the discs to around them, or back."""
-        rows = np.arange(self.standard.n_rows, len(v.row_upper))
-        self.model.change_sides(rows, v.row_lower[rows], v.row_upper[rows])
-        self._discs = self.lowered.discs
 
     def add_cuts(self, node: int, alpha: Floats, beta: Floats) -> None:
         """Adds rows to what `update` sent; the basis is kept. See `Backend.add_cuts`."""

@@ -34,7 +34,7 @@ from resilience.models.structures.disc import APOTHEM
 Integers = Literal["all", "none"]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Lowered:
     """A mixed-integer linear program whose first columns are those of the program lowered.
 
@@ -48,7 +48,7 @@ class Lowered:
         equality: (added rows,) whether they are equations.
         disc_rows: which of the added rows are sides of polygons.
         disc_shift: (sides,) share of the constants in what a side bounds.
-        discs: whether polygons lie within their discs or around them; may be changed.
+        discs: whether polygons lie within their discs or around them.
     """
 
     standard: Standard
@@ -105,7 +105,7 @@ class _Rows:
 def lower(
     standard: Standard,
     *,
-    integer: Bools | Integers = "all",
+    integer: Integers = "all",
     modes: Mapping[int, Bools] | None = None,
     discs: Discs = "inner",
 ) -> Lowered:
@@ -113,7 +113,7 @@ def lower(
 
     Args:
         standard: what to rewrite.
-        integer: (columns,) columns to hold integer; "all" of the program's own, or "none".
+        integer: which of the program's own integers to hold: "all" or "none".
         modes: for the index of each structure with modes, which elements (n,) get binaries; all
             elements of all of them if omitted.
         discs: polygon within the disc or around it.
@@ -128,7 +128,7 @@ def lower(
         chosen = default if modes is None else modes.get(k, default)
         _REWRITES[type(unrolled.structure)](rows, unrolled, np.flatnonzero(chosen))
     held_integer = np.ones(rows.width, bool)
-    held_integer[: standard.n_columns] = _integers(standard, integer)
+    held_integer[: standard.n_columns] = standard.integer & (integer == "all")
     return Lowered(
         standard=standard,
         a=rows.matrix(),
@@ -139,12 +139,6 @@ def lower(
         disc_shift=np.concatenate([np.empty(0), *rows.disc_shift]),
         discs=discs,
     )
-
-
-def _integers(standard: Standard, integer: Bools | Integers) -> Bools:
-    if isinstance(integer, str):
-        return standard.integer if integer == "all" else np.zeros(standard.n_columns, bool)
-    return integer
 
 
 def _modes(rows: _Rows, unrolled: UnrolledStructure[Mode], chosen: Ints) -> None:
