@@ -85,7 +85,7 @@ def test_a_full_island_with_must_take_pv_has_no_plan(method: str) -> None:
 
 def test_ipopt_says_so_where_held_modes_leave_it_nothing() -> None:
     """The relaxation charges and discharges at once; held to one of both, the surplus is left."""
-    with pytest.raises(SolverError, match="Ipopt found no plan, though the cone relaxation has"):
+    with pytest.raises(SolverError, match="Ipopt found no plan, though the linear relaxation has"):
         solved(island(0.05, LOSSY, forming=False), "nlp", "copperplate")
 
 

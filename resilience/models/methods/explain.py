@@ -34,11 +34,11 @@ def no_plan(
     Out of time (`late`), which is not spent on explanations. Otherwise infeasible if that can be
     proven, else what conflicts in the model without losses.
     """
+    kind = "cone" if program.standard.structures_of(Cone) else "linear"
     if late:
-        linear = not program.standard.structures_of(Cone)
         return SolverError(
             f"{solver} found no plan within {options.time_limit:g} s",
-            hint="raise --time-limit" + ("" if linear else " or use --method lp"),
+            hint="raise --time-limit" + (" or use --method lp" if kind == "cone" else ""),
         )
     deadline = Deadline(EXPLANATION_S)
     names = _linear_conflict(program, deadline)
@@ -47,7 +47,7 @@ def no_plan(
     lossless = grouped(_linear_conflict(horizon(program.case, "lindistflow"), deadline))
     also = f"; without losses there is none, in conflict: {_shown(lossless)}" if lossless else ""
     return SolverError(
-        f"{solver} found no plan, though the cone relaxation has one{also}",
+        f"{solver} found no plan, though the {kind} relaxation has one{also}",
         hint="make PV curtailable, widen the voltage band, or free a limit of the devices named",
     )
 

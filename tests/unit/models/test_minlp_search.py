@@ -419,7 +419,7 @@ def test_a_start_that_finds_nothing_leaves_it_to_the_rounds(
 @pytest.mark.parametrize(
     ("seconds", "starved", "said"),
     [
-        (0.0, False, "minlp found no plan, though the cone relaxation has one"),
+        (0.0, False, "minlp found no plan, though the linear relaxation has one"),
         (9.0, False, "minlp found no plan within 8 s"),
         (0.0, True, "minlp found no plan within 8 s"),
     ],

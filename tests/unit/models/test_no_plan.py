@@ -5,15 +5,18 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+import cvxpy
+import numpy as np
 import pytest
 
 from resilience.case import Case
 from resilience.errors import InfeasibleError, SolverError, UsageError
 from resilience.models.backends.base import NOTHING
+from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import CaseProgram, horizon
-from resilience.models.methods import METHODS, MethodOptions
+from resilience.models.methods import METHODS, MethodOptions, explain
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
 from resilience.testing import small_case
@@ -88,6 +91,49 @@ def test_losses_may_save_a_plan_that_nobody_found() -> None:
     assert "01:00]" in lossy.message
     assert "00:00" not in lossy.message
     assert "make PV curtailable" in lossy.hint
+
+
+def test_an_explanation_takes_no_longer_than_it_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither search for a conflict is begun when no second of its own is there."""
+    monkeypatch.setattr(explain, "EXPLANATION_S", 0.0)
+    found = infeasible(horizon(sunny(5.0), "distflow"))
+    assert found.message.endswith("in conflict: no small set of rows could be named")
+
+
+@pytest.mark.parametrize(("late", "said"), [(True, "within 0.2 s"), (False, "though the cone")])
+def test_clarabel_gave_up(monkeypatch: pytest.MonkeyPatch, late: bool, said: str) -> None:
+    """A failure that cvxpy raises is no answer, also where a conflict is sought."""
+
+    def failed(*_: Any, **__: Any) -> None:
+        raise cvxpy.error.SolverError("insufficient progress")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", failed)
+    program = horizon(sunny(2.3), "distflow")
+    options = MethodOptions(0.2)
+    if late:
+        options = MethodOptions(0.2, clock=watch_that_is_late(monkeypatch))
+    with pytest.raises(SolverError, match=f"^the conic relaxation found no plan,? ?{said}"):
+        METHODS["socp"][0](program, options)
+    solver = Conic(program.standard)
+    solver.update(program.vectors)
+    assert solver.conflict() == []
+
+
+@pytest.mark.parametrize("penalty", [0.0, 0.01])
+def test_clarabel_stopped_early_bounds_nothing_at_another_price(
+    monkeypatch: pytest.MonkeyPatch, penalty: float
+) -> None:
+    """A price on losses makes another program, whose bound is none of this one."""
+    program = horizon(sunny(2.3), "distflow")
+    solver = Conic(program.standard, penalty=penalty)
+    solver.update(program.vectors)
+    solve = cvxpy.Problem.solve
+    monkeypatch.setattr(
+        cvxpy.Problem, "solve", lambda problem, **options: solve(problem, max_iter=5, **options)
+    )
+    early = solver.solve()
+    assert early.z is None
+    assert (early.bound == -np.inf) == (penalty > 0.0)
 
 
 def test_only_without_switches_is_a_first_point_that_is_not_there_a_proof() -> None:

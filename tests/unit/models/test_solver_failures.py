@@ -14,10 +14,12 @@ import highspy
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from pyomo.contrib.appsi import solvers as appsi
 from pyomo.contrib.solver.common import factory
 from pyomo.contrib.solver.common.results import TerminationCondition
 
 from resilience.errors import SolverError
+from resilience.models.backends.base import NOTHING
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
@@ -94,6 +96,25 @@ def test_ctrl_c_ends_the_program_where_a_library_makes_an_error_of_it(
         solver.solve()
     assert not went_on
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("name", ["highs", "scip"])
+def test_a_solver_behind_pyomo_that_stops_without_a_point_gives_nothing(
+    name: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = SimpleNamespace(
+        termination_condition=TerminationCondition.maxTimeLimit,
+        incumbent_objective=None,
+        best_feasible_objective=None,
+    )
+    tiny = next(iter(TINY.values()))()
+    direct = SimpleNamespace(solve=lambda *_, **__: stopped)
+    monkeypatch.setattr(appsi.Highs, "solve", lambda *_: stopped)
+    solver = Pyomo(tiny.standard, solver=name)
+    solver.update(tiny.vectors)
+    if name == "scip":
+        monkeypatch.setattr(factory, "SolverFactory", lambda _: direct)
+    assert solver.solve() is NOTHING
 
 
 def test_ctrl_c_ends_the_program_where_scip_stops_by_itself(
