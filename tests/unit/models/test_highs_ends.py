@@ -16,6 +16,7 @@ import pytest
 from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.errors import InfeasibleError, SolverError, UsageError
+from resilience.models.algebra import Affine
 from resilience.models.backends.base import INFEASIBLE, NOTHING, Solution
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
@@ -44,10 +45,46 @@ def earning(most: float) -> Standard:
     return unroll([stage], Tree.chain(["now"]))
 
 
+def crowded(least: float, most: float) -> Standard:
+    """Any two of three shares are at most 1.1 together, so all are at most 1.65, but for 0.01 that
+    may be switched on; beside them `most` units may earn 3 $ each.
+    """
+    stage = Stage(1.0)
+    earned = stage.var("earned", ["one"], 0.4, most)
+    shares = stage.var("shares", ["a", "b", "c"], 0.0, 1.0)
+    more = stage.binary("more", ["one"])
+    pairs = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0], [1.0, 0.0, 1.0]])
+    stage.le("pairs", shares.mapped(pairs, ("ab", "bc", "ca")), 1.1)
+    total = shares.mapped(np.ones((1, 3)), ("abc",)) + 0.01 * more
+    stage.le("all", Affine.constant(least, 1), total)
+    stage.cost("earned", earned, -3.0)
+    return unroll([stage], Tree.chain(["now"]))
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "status"),
+    [
+        (1.75, 0.9, "infeasible"),
+        (1.75, np.inf, "infeasible"),
+        (1.62, np.inf, "none"),
+        (1.62, 0.9, "optimal"),
+    ],
+)
+def test_what_presolve_leaves_open_is_told_without_it(
+    least: float, most: float, status: str
+) -> None:
+    """Where something earns without end, presolve stops there, whether or not there is a point."""
+    standard = crowded(least, most)
+    solver = Highs(standard)
+    solver.update(standard.vectors({}, {}))
+    assert solver.solve().status == status
+    assert solver.model.option("presolve") == "choose"
+
+
 @pytest.mark.parametrize(
     ("most", "status"), [(np.inf, "none"), (1.4, "infeasible"), (2.5, "optimal")]
 )
-def test_what_presolve_leaves_open_the_simplex_method_tells(most: float, status: str) -> None:
+def test_a_linear_program_ends_in_one_of_three_ways(most: float, status: str) -> None:
     """An unbounded program has no answer, one that excludes itself is infeasible."""
     standard = earning(most)
     solver = Highs(standard)
@@ -60,7 +97,6 @@ def test_what_presolve_leaves_open_the_simplex_method_tells(most: float, status:
         assert solution.z is None
         with pytest.raises(ValueError, match="has no point"):
             _ = solution.point
-    assert solver.model.option("presolve") == "choose"
 
 
 def test_solvers_run_beside_the_main_thread_as_well() -> None:

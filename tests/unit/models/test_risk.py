@@ -65,25 +65,47 @@ def test_new_prices_need_no_new_model() -> None:
         assert solver.certified_bound(found) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("weights", [(7.0, 8.0), (-7.0, -8.0), (0.2, 8.0), (0.1, 0.2), (0.2, 0.4)])
-def test_a_bound_holds_whatever_the_multipliers(weights: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("prices", "optimum", "stocks"),
+    [([2, 6, 1], 2.0, (3.0, 2.0, 1.0)), ([2, 2, 1], 1.375, (1.605, 1.21, 0.395))],
+)
+@pytest.mark.parametrize(
+    "weights", [(7.0, 8.0), (-7.0, -8.0), (0.2, 8.0), (0.1, 0.2), (0.25, 0.01), (0.48, 0.02)]
+)
+def test_a_bound_holds_whatever_the_multipliers(
+    prices: list[float],
+    optimum: float,
+    stocks: tuple[float, ...],
+    weights: tuple[float, float],
+) -> None:
     """Weights that the risk allows are at most 0.25 and 0.75 and add up to 0.5, each for itself.
 
-    Whatever the solver says they are, no bound lies above 2. With 0.25 and 0.75 a MWh now would
-    cost 2 (0.5 + 1) = 3, and later no less: 6 (0.125 + 0.25) and 0.375 + 0.75 for the two.
+    Whatever the solver says they are, no bound lies above the optimum. With 0.25 and 0.75 a MWh
+    now would cost 2 (0.5 + 1) = 3, and later no less: 6 (0.125 + 0.25) and 0.375 + 0.75. With 0.48
+    and 0.02 it would cost 2 (0.125 + 0.48) + 0.375 + 0.02 = 1.605 later, where 1.375 is right.
     """
     stage, tree = fan()
     problem = unroll([stage], tree)
     solver = RiskAverse(problem, Risk(0.5, 0.5))
-    data = {"price": np.array([[2.0, 6.0, 1.0]]), "need": np.array([[0.0, 1.0, 1.0]])}
+    data = {"price": np.array([prices], float), "need": np.array([[0.0, 1.0, 1.0]])}
     solver.price(data)
     solver.update(problem.vectors(data, {"stock": np.zeros(1)}))
     found = solver.solve()
     assert found.duals is not None
-    for stocks in (found.duals.rows[:3], (3.0, 2.0, 1.0)):
-        rows = np.append(stocks, weights)
-        bound = solver.certified_bound(replace(found, duals=replace(found.duals, rows=rows)))
-        assert -50.0 < bound <= 2.0 + 1e-9
+    for rows in (found.duals.rows[:3], stocks):
+        duals = replace(found.duals, rows=np.append(rows, weights))
+        bound = solver.certified_bound(replace(found, duals=duals))
+        assert -50.0 < bound <= optimum + 1e-9
+
+
+def test_without_multipliers_the_bound_of_a_risk_is_the_solvers_own() -> None:
+    stage, tree = fan()
+    problem = unroll([stage], tree)
+    solver = RiskAverse(problem, Risk(0.5, 0.5), duals=False)
+    data = {"price": np.array([[2.0, 6.0, 1.0]]), "need": np.array([[0.0, 1.0, 1.0]])}
+    solver.price(data)
+    solver.update(problem.vectors(data, {"stock": np.zeros(1)}))
+    assert solver.certified_bound(replace(solver.solve(), bound=1.25)) == 1.25
 
 
 def test_prices_of_nodes_add_up_to_the_cost_vector() -> None:
