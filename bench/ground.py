@@ -10,7 +10,8 @@ from bench.row import Row, skipped
 from resilience.case import load_case
 
 if TYPE_CHECKING:
-    from resilience.rl.env import BatchEnv, Tape
+    from resilience.rl.env import BatchEnv
+    from resilience.rl.tape import Tape
     from resilience.simulation.slots import Slot
 
 TURNS = 5

@@ -16,14 +16,15 @@ import scipy.sparse as sp
 from resilience.arrays import Floats
 from resilience.models.components import DeviceFleet, in_roles
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
-from resilience.models.simulator.constants import Constant, Map, Matrix
-from resilience.models.simulator.plant import Plant
+from resilience.models.simulator.constants import Constant, Map
+from resilience.models.simulator.plant import Plant, StorageSlot
 
 LEAST_MW = 1e-12  # in place of no power at all, in a quotient
 
 
 class Needs(NamedTuple):
-    """What the island of every unit lacks and has, arrays (units, batch).
+    """What the island of every unit lacks and has, arrays (units, batch), or (1, batch) where all
+    is one island.
 
     Attributes:
         surplus: MW that PV has over.
@@ -72,16 +73,20 @@ class Anchors:
         size = [f.size_mwh() for f in in_roles(fleets, "storage")]
         target = np.concatenate([np.empty(0), *size]) * level
         self._target = Constant(target[:, None])
-        self._per_gain = Constant(1.0 / plant.gain)
-        self._per_drain = Constant(1.0 / plant.drain)
-        has_grid = np.zeros((plant.n_buses, 1))
+        self._per_gain, self._per_drain = Constant(1.0 / plant.gain), Constant(1.0 / plant.drain)
+        self._has_grid = np.zeros(plant.n_buses)
         for fleet in in_roles(fleets, "exchange"):
-            has_grid[fleet.bus] = 1.0
-        self._has_grid = Constant(has_grid)
-        self._one, self._least = Constant(np.ones((1, 1))), Constant(np.full((1, 1), LEAST_MW))
-        bus, units = plant.storage_bus, np.arange(len(plant.units))
-        entries = (np.ones(len(units)), (bus, units))
-        self._at_bus = Matrix(sp.csr_array(entries, shape=(plant.n_buses, len(units))))
+            self._has_grid[fleet.bus] = 1.0
+        self._one = Constant(np.ones((1, 1)))
+
+    @cached_property
+    def of_buses(self) -> Map:
+        """From data to (3 · buses, batch): `net`, then `dispatchable`, then where grids are."""
+        n, net, able = self.plant.n_buses, self.net, self.dispatchable
+        none = sp.csr_array((n, self.plant.form.n_data))
+        matrix = sp.vstack([net.coefficients, able.coefficients, none], format="csr")
+        constant = np.concatenate([net.constant, able.constant, self._has_grid])
+        return Map(constant, sp.csr_array(matrix))
 
     @cached_property
     def net(self) -> Map:
@@ -97,55 +102,45 @@ class Anchors:
         fleets = self.plant.microgrid.fleets.values()
         return self._sums([(f, f.limit, 1.0) for f in in_roles(fleets, "dispatchable")])
 
-    def needs(self, data: Array, island: Array) -> Needs:
+    def needs(self, data: Array, island: Array, slot: StorageSlot) -> Needs:
         """What the islands of the units lack and have, which storage has no part in.
 
         Args:
             data: (n_data, batch) from `stacked`.
             island: (buses, batch) number of the island of every bus.
+            slot: what it is to storage, from `Plant.storage_slot`.
         """
-        ops, batch = array_ops(data), island.shape[-1]
-        maps = (self.net(ops, data), self.dispatchable(ops, data), self._has_grid.as_array(ops))
-        net, able, grid = (self._of_units(ops, values, island, batch) for values in maps)
+        ops, shape = array_ops(data), island.shape
+        values = ops.wide(self.of_buses(ops, data), shape[-1]).reshape(3, *shape)
+        net, able, grid = ops.at_islands(ops.sums(values, island, len(island)), slot.island)
         lack = ops.positive(net)
         return Needs(ops.positive(-net), lack, ops.positive(lack - able), grid > 0)
 
-    def actions(
-        self, energy: Array, data: Array, island: Array, needs: Needs | None = None
-    ) -> Actions:
+    def actions(self, energy: Array, slot: StorageSlot, needs: Needs) -> Actions:
         """The three anchors and the rule's action within limits.
 
         Args:
             energy: (units, batch) stored energy, MWh.
-            data: (n_data, batch) from `stacked`.
-            island: (buses, batch) number of the island of every bus.
-            needs: as `needs` gives them, where they are known already.
+            slot: what it is to storage, from `Plant.storage_slot`.
+            needs: of its islands.
         """
         ops = array_ops(energy)
-        needs = needs or self.needs(data, island)
-        low, high = self.plant.limits(energy, data)
-        give, take = self._shared(ops, -low, high, island)
-        charging = high * ops.minimum(needs.surplus / take, self._one.as_array(ops))
-        serve = low * ops.minimum(needs.lack / give, self._one.as_array(ops)) + charging
-        spare = low * ops.minimum(needs.lack_beyond / give, self._one.as_array(ops)) + charging
+        possible = self.plant.possible(ops, energy, slot.power_limits)
+        take, give = possible
+        total = ops.at_least(self._of_islands(ops, possible, slot.island), LEAST_MW)
+        all_take, all_give = total
+        whole_share = self._one.as_array(ops)
+        charging = take * ops.minimum(needs.surplus / all_take, whole_share)
+        serve = charging - give * ops.minimum(needs.lack / all_give, whole_share)
+        spare = charging - give * ops.minimum(needs.lack_beyond / all_give, whole_share)
         away = self._target.as_array(ops) - energy
         gain, drain = self._per_gain.as_array(ops), self._per_drain.as_array(ops)
-        hold = ops.where(away > 0, away * gain, away * drain)
-        rule = ops.where(needs.grid, hold, spare)
-        return Actions(low, high, serve, spare, rule)
+        hold = away * ops.where(away > 0, gain, drain)
+        return Actions(-give, take, serve, spare, ops.where(needs.grid, hold, spare))
 
-    def _shared(self, ops: ArrayOps, give: Array, take: Array, island: Array) -> list[Array]:
-        """(units, batch) what the units of the island can give and take together, never 0."""
-        smallest, place = self._least.as_array(ops), self._at_bus.as_matrix(ops)
-        return [
-            ops.maximum(self._of_units(ops, place @ power, island, power.shape[-1]), smallest)
-            for power in (give, take)
-        ]
-
-    def _of_units(self, ops: ArrayOps, values: Array, island: Array, batch: int) -> Array:
-        """(units, batch) the sum over the unit's island of values (buses, batch)."""
-        total = ops.island_sums(ops.wide(values, batch), island)
-        return ops.rows(ops.at_buses(total, island), self.plant.storage_bus)
+    def _of_islands(self, ops: ArrayOps, values: Array, island: Array) -> Array:
+        """(..., units, batch) the sum over the unit's island of values of the same shape."""
+        return ops.at_islands(ops.sums(values, island, self.plant.n_buses), island)
 
     def _sums(self, terms: list[tuple[DeviceFleet, str, float]]) -> Map:
         """From data to sums over the devices of every bus, (buses, batch)."""

@@ -62,4 +62,6 @@ class Rule:
 
 
 def _actions(anchors: Anchors, observation: Observation) -> Actions:
-    return anchors.actions(observation.energy, observation.data, observation.island)
+    data, island = observation.data, observation.island
+    slot = anchors.plant.storage_slot(data, island)
+    return anchors.actions(observation.energy, slot, anchors.needs(data, island, slot))

@@ -9,33 +9,50 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, get_args
+from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 
 from resilience.dispatch.anchors import Anchors, Needs
 from resilience.errors import UsageError
 from resilience.models.simulator.arrays import Array, array_ops
-from resilience.models.simulator.plant import Plant
+from resilience.models.simulator.plant import Plant, StorageSlot
 
 BandName = Literal["anchors", "affine"]
 BANDS: tuple[BandName, ...] = get_args(BandName)
 
 
+class BandSlot(NamedTuple):
+    """What a band needs to know of a slot, whatever is stored.
+
+    Attributes:
+        storage: what it is to storage.
+        needs: of the islands; None where the band does not ask.
+    """
+
+    storage: StorageSlot
+    needs: Needs | None
+
+
 class Band(Protocol):
     """What turns outputs into power."""
 
-    def power(
-        self, output: Array, energy: Array, data: Array, island: Array, needs: Needs | None = None
-    ) -> Array:
+    def slot(self, data: Array, island: Array, storage: StorageSlot | None = None) -> BandSlot:
+        """What the band needs to know of a slot.
+
+        Args:
+            data: (n_data, batch) from `stacked`.
+            island: (buses, batch) number of the island of every bus.
+            storage: from `Plant.storage_slot`; worked out if omitted.
+        """
+
+    def power(self, output: Array, energy: Array, slot: BandSlot) -> Array:
         """(units, batch) MW, charging positive, within what every unit can do now.
 
         Args:
             output: (units, batch) in [-1, 1].
             energy: (units, batch) MWh.
-            data: (n_data, batch) from `stacked`.
-            island: (buses, batch) number of the island of every bus.
-            needs: of the islands, where they are known already.
+            slot: from `slot`.
         """
 
 
@@ -49,12 +66,14 @@ class AffineBand:
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
 
-    def power(
-        self, output: Array, energy: Array, data: Array, island: Array, needs: Needs | None = None
-    ) -> Array:
+    def slot(self, data: Array, island: Array, storage: StorageSlot | None = None) -> BandSlot:
+        """See `Band.slot`."""
+        return BandSlot(storage or self.plant.storage_slot(data, island), None)
+
+    def power(self, output: Array, energy: Array, slot: BandSlot) -> Array:
         """See `Band.power`."""
-        low, high = self.plant.limits(energy, data)
-        return low + (high - low) * (output * 0.5 + 0.5)
+        take, give = self.plant.possible(array_ops(energy), energy, slot.storage.power_limits)
+        return (take + give) * (output * 0.5 + 0.5) - give
 
 
 class AnchorBand:
@@ -66,15 +85,19 @@ class AnchorBand:
     """
 
     def __init__(self, plant: Plant, level: float = 0.9) -> None:
-        self.anchors = Anchors(plant, level)
+        self.plant, self.anchors = plant, Anchors(plant, level)
 
-    def power(
-        self, output: Array, energy: Array, data: Array, island: Array, needs: Needs | None = None
-    ) -> Array:
+    def slot(self, data: Array, island: Array, storage: StorageSlot | None = None) -> BandSlot:
+        """See `Band.slot`."""
+        storage = storage or self.plant.storage_slot(data, island)
+        return BandSlot(storage, self.anchors.needs(data, island, storage))
+
+    def power(self, output: Array, energy: Array, slot: BandSlot) -> Array:
         """See `Band.power`."""
+        assert slot.needs is not None
         ops = array_ops(energy)
-        low, high, serve, _, rule = self.anchors.actions(energy, data, island, needs)
-        middle = ops.maximum(ops.minimum(rule, high), low)
+        low, high, serve, _, rule = self.anchors.actions(energy, slot.storage, slot.needs)
+        middle = ops.within(rule, low, high)
         return middle + output * ops.where(output >= 0.0, high - middle, middle - serve)
 
 

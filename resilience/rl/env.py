@@ -6,79 +6,27 @@ terminal value, and whoever bootstraps does so with that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from functools import cached_property
-from typing import Literal, NamedTuple, cast, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 import torch
 
-from resilience.arrays import Floats
-from resilience.dispatch.anchors import Anchors, Needs
+from resilience.dispatch.anchors import Anchors
 from resilience.errors import UsageError
 from resilience.models.components import in_roles
 from resilience.models.simulator import Simulator
-from resilience.models.simulator.arrays import array_ops
-from resilience.models.simulator.prices import PricedBatch
+from resilience.models.simulator.arrays import Array, array_ops
 from resilience.models.simulator.simulator import Step
-from resilience.rl.bands import AnchorBand, Band, band
+from resilience.rl.bands import Band, band
 from resilience.rl.episodes import Episodes, EpisodeSampler
 from resilience.rl.observers import observer
+from resilience.rl.tape import Now, Tape, as_tensors, step_of_tensors
 from resilience.simulation.slots import Slot
 
 Baseline = Literal["none", "idle", "rule"]
 BASELINES: tuple[Baseline, ...] = get_args(Baseline)
-
-
-class Now(NamedTuple):
-    """A slot of a batch, on the device.
-
-    Attributes:
-        data: (n_data, batch) from `Simulator.stacked`.
-        island: (buses, batch) number of the island of every bus.
-        needs: what islands lack and have; None where the band does not ask.
-        priced: in which order sources are taken.
-    """
-
-    data: torch.Tensor
-    island: torch.Tensor
-    needs: Needs | None
-    priced: PricedBatch
-
-
-@dataclass(frozen=True)
-class Tape:
-    """Everything of a batch that does not depend on what is done, on the device.
-
-    Attributes:
-        episodes: where it comes from.
-        data: (slots, n_data, batch) from `Simulator.stacked`, while all storage has energy to give.
-        island: (slots, buses, batch).
-        observed: (slots, batch, numbers) the observations without storage.
-        needs: what islands lack and have, slot by slot; empty where the band does not ask.
-        priced: in which order sources are taken, slot by slot.
-    """
-
-    episodes: Episodes
-    data: torch.Tensor
-    island: torch.Tensor
-    observed: torch.Tensor
-    needs: list[Needs | None]
-    priced: list[PricedBatch]
-
-    @property
-    def slots(self) -> int:
-        """Slots of an episode."""
-        return len(self.data)
-
-    @property
-    def n(self) -> int:
-        """Episodes in the batch."""
-        return self.episodes.n
-
-    def now(self, t: int) -> Now:
-        """Slot t while all storage has energy to give."""
-        return Now(self.data[t], self.island[t], self.needs[t], self.priced[t])
 
 
 class BatchEnv:
@@ -123,11 +71,12 @@ class BatchEnv:
         self.band_name, self.baseline, self.observer_name = band_name, baseline, observer_name
         self.band: Band = band(band_name, self.simulator)
         self.device, self.dtype = torch.device(device), dtype
+        self._number = torch.empty(0, dtype=dtype).numpy().dtype
         self._anchors = Anchors(self.simulator)
         self._low = self.tensor(self.simulator.low)
         self._range = self.tensor(np.maximum(self.simulator.high - self.simulator.low, 1e-9))
 
-    def tensor(self, values: Floats) -> torch.Tensor:
+    def tensor(self, values: np.ndarray) -> torch.Tensor:
         """Values on the device, of the number type."""
         return torch.as_tensor(values, dtype=self.dtype, device=self.device)
 
@@ -149,37 +98,36 @@ class BatchEnv:
         """A batch, ready to be played as often as one likes."""
         eyes = observer(self.observer_name, episodes.setting)
         full = np.repeat(self.simulator.high, episodes.n, axis=1)
-        shape = (episodes.slots, episodes.n, self.size - self.units)
-        now, observed = [], torch.empty(shape, dtype=self.dtype, device=self.device)
+        shape = (episodes.slots, self.size - self.units, episodes.n)
+        plain, observed = [], np.empty(shape, np.float32)
         for t in range(episodes.slots):
-            now.append(self._on_device(episodes.slot(t)))
-            observed[t] = self.tensor(eyes.world(episodes.observation(t, full))).T
-        data, island, needs, priced = zip(*now, strict=True)
-        return Tape(
-            episodes,
-            torch.stack(data),
-            torch.stack(island),
-            observed,
-            list(needs),
-            list(priced),
-        )
+            plain.append(self._plain(episodes.slot(t)))
+            eyes.world(episodes.observation(t, full), out=observed[t])
+        return Tape(episodes, self.tensor(observed).transpose(1, 2), plain, self._to_device)
 
     def now(self, tape: Tape, t: int, energy: torch.Tensor) -> Now:
         """Slot t with this much stored, (units, batch) MWh: empty storage forms no island."""
+        changed = self._without_empty(tape, t, energy)
+        return tape.now(t) if changed is None else as_tensors(changed, self._to_device)
+
+    def _without_empty(self, tape: Tape, t: int, energy: torch.Tensor) -> Now | None:
+        """Slot t where empty storage changes it, in NumPy."""
         episodes = tape.episodes
         if not episodes.has_energy_islands:
-            return tape.now(t)
+            return None
         stored = energy.detach().cpu().numpy().astype(float)
         usual, slot = episodes.slot(t), episodes.slot(t, stored)
-        return tape.now(t) if slot is usual else self._on_device(slot)
+        return None if slot is usual else self._plain(slot)
 
-    def _on_device(self, slot: Slot) -> Now:
-        data = self.tensor(np.require(slot.stacked, requirements="W"))
-        island = torch.as_tensor(np.require(slot.island, requirements="W"), device=self.device)
-        needs = None
-        if isinstance(self.band, AnchorBand):
-            needs = self.band.anchors.needs(data, island)
-        return Now(data, island, needs, self.simulator.priced(data))
+    def _plain(self, slot: Slot) -> Now:
+        data, island = slot.stacked.astype(self._number), np.ascontiguousarray(slot.island)
+        ready = self.simulator.ready(data, island)
+        return Now(data, island, ready, self.band.slot(data, island, ready.storage))
+
+    def _to_device(self, array: np.ndarray) -> torch.Tensor:
+        """An array as it is, on the device."""
+        tensor = torch.from_numpy(array)
+        return tensor if self.device.type == "cpu" else tensor.to(self.device)
 
     def observe(self, tape: Tape, t: int, energy: torch.Tensor) -> torch.Tensor:
         """(batch, numbers) what is observed in slot t with this much stored, (units, batch) MWh."""
@@ -187,37 +135,54 @@ class BatchEnv:
 
     def with_storage(self, energy: torch.Tensor, world: torch.Tensor) -> torch.Tensor:
         """(batch, numbers) observations from what is stored and what is observed of the world."""
-        return torch.cat([((energy - self._low) / self._range).T, world], 1)
+        return torch.cat([(energy - self._low) / self._range, world.T]).T
 
     def power(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
         """(units, batch) MW that outputs (batch, units) in [-1, 1] ask for."""
-        return self._power(self.now(tape, t, energy), energy, output)
+        band_slot = self.now(tape, t, energy).band
+        return cast("torch.Tensor", self.band.power(output.T, energy, band_slot))
 
     def step(self, tape: Tape, t: int, energy: torch.Tensor, output: torch.Tensor) -> Step:
         """Slot t played with outputs (batch, units) in [-1, 1]."""
-        now = self.now(tape, t, energy)
-        return self._step(now, energy, self._power(now, energy, output))
-
-    def _power(self, now: Now, energy: torch.Tensor, output: torch.Tensor) -> torch.Tensor:
-        return cast(
-            "torch.Tensor", self.band.power(output.T, energy, now.data, now.island, now.needs)
+        return self._step(
+            tape,
+            t,
+            energy,
+            lambda now, stored: self.band.power(_alike(output, stored).T, stored, now.band),
         )
 
-    def _step(self, now: Now, energy: torch.Tensor, power: torch.Tensor) -> Step:
-        return self.simulator.step(energy, power, now.data, now.island, now.priced)
+    def played(self, tape: Tape, t: int, energy: torch.Tensor, power: torch.Tensor) -> Step:
+        """Slot t played with what is asked for, (units, batch) MW."""
+        return self._step(tape, t, energy, lambda _, stored: _alike(power, stored))
 
-    def _baseline_power(self, now: Now, energy: torch.Tensor) -> torch.Tensor:
+    def _step(
+        self, tape: Tape, t: int, energy: torch.Tensor, ask: Callable[[Now, Array], Array]
+    ) -> Step:
+        """Slot t played with what is asked for, from the slot and what is stored: in NumPy where
+        nobody wants a gradient.
+        """
+        if self.device.type != "cpu" or torch.is_grad_enabled():
+            now = self.now(tape, t, energy)
+            return self.simulator.step_ready(energy, ask(now, energy), now.ready)
+        now = self._without_empty(tape, t, energy) or tape.plain[t]
+        stored = energy.detach().numpy()
+        step = self.simulator.step_ready(stored, ask(now, stored), now.ready)
+        return step_of_tensors(step, self._to_device)
+
+    def _baseline_power(self, now: Now, energy: Array) -> Array:
         """(units, batch) MW that the baseline asks for."""
         if self.baseline == "idle":
-            return torch.zeros_like(energy)
-        anchors = self._anchors.actions(energy, now.data, now.island, now.needs)
-        return cast("torch.Tensor", anchors.rule)
+            return energy * 0.0
+        needs = now.band.needs or self._anchors.needs(now.data, now.island, now.band.storage)
+        return self._anchors.actions(energy, now.band.storage, needs).rule
 
     def _wear(self, tape: Tape, t: int, step: Step) -> torch.Tensor:
         """(units, batch) $ of wear of each unit."""
-        ops, data = array_ops(step.energy), tape.data[t]
+        data = tape.plain[t].data
+        ops = array_ops(data)
         charging, discharging = (price(ops, data) for price in self.simulator.storage_price)
-        return cast("torch.Tensor", charging * step.charge + discharging * step.discharge)
+        paid = self._to_device(charging) * step.charge
+        return paid + self._to_device(discharging) * step.discharge
 
     def credit(self, energy: torch.Tensor) -> torch.Tensor:
         """(batch,) $ that the energy left at the end of an episode is worth."""
@@ -242,8 +207,7 @@ class BatchEnv:
         energy, costs = start, []
         with torch.no_grad():
             for t in range(tape.slots):
-                now = self.now(tape, t, energy)
-                step = self._step(now, energy, self._baseline_power(now, energy))
+                step = self._step(tape, t, energy, self._baseline_power)
                 costs.append(self.cost(tape, t, step))
                 energy = step.energy
         return torch.stack(costs)
@@ -274,3 +238,8 @@ class BatchEnv:
         """(units, n) MWh, as the case starts."""
         start_mwh = self.tensor(self.setting.start()[:, :1])
         return start_mwh.repeat(1, n)
+
+
+def _alike(x: torch.Tensor, array: Array) -> Array:
+    """A tensor as it is, or in NumPy where `array` is."""
+    return x.detach().numpy() if isinstance(array, np.ndarray) else x

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,6 +43,22 @@ class ObservationBlock:
     scale: tuple[float, ...]
 
 
+class Foreseen(NamedTuple):
+    """What is forecast of some slots, scaled, in single precision.
+
+    Attributes:
+        demand: (slots, buses, batch).
+        weather: (slots, buses, batch) of PV.
+        net: (slots, buses, batch) demand less that.
+        price: (prices, slots, batch).
+    """
+
+    demand: np.ndarray
+    weather: np.ndarray
+    net: np.ndarray
+    price: np.ndarray
+
+
 class Observer:
     """Makes the observations of a setting; one per batch, since it remembers line failures.
 
@@ -54,13 +73,17 @@ class Observer:
         self.setting, case = setting, setting.case
         self.daily = case.storm is None or not case.storm.points
         self.memory = Memory(setting, self.daily)
-        self.ahead = _slots_ahead(case.step_h)
+        self.window, self.ahead = case.window, _slots_ahead(case.step_h)
         self._read_devices()
         self._read_storage()
         self.blocks = self._blocks()
-        self._known: dict[int, Floats] = {}
-        scales = [block.scale for block in self.blocks[1:]]
-        self._per_scale = 1.0 / np.concatenate([np.array(scale) for scale in scales])[:, None]
+        self._all_ahead = np.arange(len(self.ahead))
+        self._first = 0
+        self._known: Foreseen | None = None
+        ends = np.cumsum([0, *(len(block.labels) for block in self.blocks[1:])]).tolist()
+        self._rows = [slice(*span) for span in pairwise(ends)]
+        self._per_price = [1.0 / self._price_scale(name) for name in self.prices]
+        self._per_mw = 1.0 / self._largest[:, None]
 
     def _read_devices(self) -> None:
         """Which profiles are forecast, what one of each means in MW at every bus, and prices."""
@@ -75,8 +98,9 @@ class Observer:
         demand, supply = np.zeros((2, n, len(self.names)))
         for bus, name, mw in terms:
             (supply if mw > 0 else demand)[bus, self.names.index(name)] += abs(mw)
-        self._demand, self._supply = demand, supply
         self._buses = np.flatnonzero(demand.sum(1) + supply.sum(1))
+        self._demand, self._supply = demand[self._buses], supply[self._buses]
+        self._largest = np.maximum(self._demand.sum(1), self._supply.sum(1))
         every = dict.fromkeys(name for fleet in fleets for name in fleet.profiles())
         self.prices = tuple(n for n in every if n is not None and n not in self.names)
 
@@ -88,12 +112,11 @@ class Observer:
     def _blocks(self) -> tuple[ObservationBlock, ...]:
         simulator, setting = self.setting.simulator, self.setting
         buses = [setting.microgrid.network.bus_names[b] for b in self._buses]
-        size = np.maximum(self._demand.sum(1), self._supply.sum(1))[self._buses]
         later = [f"+{k}" for k in self.ahead]
         price = [self._price_scale(name) for name in self.prices]
         lines = setting.lines
         ones = (1.0,) * len(lines)
-        both = tuple(size.tolist())
+        both = tuple(self._largest.tolist())
         return (
             ObservationBlock("soc_of_band", simulator.units, (1.0,) * len(simulator.units)),
             ObservationBlock("line_up", lines, ones),
@@ -129,7 +152,7 @@ class Observer:
     @property
     def size(self) -> int:
         """How many numbers an observation has."""
-        return sum(len(block.labels) for block in self.blocks)
+        return self._rows[-1].stop + len(self._low)
 
     @property
     def schema(self) -> str:
@@ -138,75 +161,92 @@ class Observer:
 
     def observed(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
-        energy = observation.energy.astype(np.float32)
-        world = self.world(observation).astype(np.float32)
-        return np.concatenate([self.storage(energy), world]).T
+        storage = self.storage(observation.energy.astype(np.float32))
+        return np.concatenate([storage, self.world(observation)]).T
 
     def storage(self, energy: np.ndarray) -> np.ndarray:
         """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
         low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
         return (energy - low) / width
 
-    def world(self, observation: Observation) -> Floats:
-        """(numbers but those of storage, batch) what the world is like; once in each slot."""
-        self.memory.update(observation)
-        t, batch = observation.t, observation.line_up.shape[1]
-        case = self.setting.case
-        up = observation.line_up[self.memory.lines]
-        clock = self.memory.clock(t)
-        down_h = np.where(up, 0.0, clock - self.memory.since + 1) * case.step_h
-        slots = t + self.ahead
-        now = [observation.forecast(name, slots[:1]) for name in self.names]
-        demand, supply = self._demand[self._buses], self._supply[self._buses]
-        ahead = self._ahead(observation.forecast, slots, batch)
-        net, price = ahead[:, : len(self._buses)], ahead[:, len(self._buses) :]
-        parts = [
-            up,
-            down_h,
-            self.memory.spent,
-            np.repeat(self._clock(t)[:, None], batch, axis=1),
-            self._centre(t, observation.centre),
-            _weighted(demand, now, 1, batch)[0],
-            _weighted(supply, now, 1, batch)[0],
-            net.reshape(-1, batch),
-            price.swapaxes(0, 1).reshape(-1, batch),
-        ]
-        world: Floats = np.concatenate(parts)
-        return np.multiply(world, self._per_scale, out=world)
+    def world(self, observation: Observation, out: np.ndarray | None = None) -> np.ndarray:
+        """(numbers but those of storage, batch) what the world is like, in single precision; once
+        in each slot.
 
-    def _ahead(self, forecast: Forecast, slots: Ints, batch: int) -> Floats:
-        """(slots, buses + prices, batch) net demand in MW, and prices, that are forecast.
-
-        A forecast without errors says of a slot what it said before, so that is worked out once.
+        Args:
+            observation: of the slot.
+            out: where it is written to; a new array if omitted.
         """
-        if self.setting.error_correlation is not None:
-            return self._foreseen(forecast, slots, batch)
-        by_slot = {s: values for s, values in self._known.items() if s >= slots[0]}
-        new = [s for s in slots.tolist() if s not in by_slot]
-        if new:
-            by_slot |= zip(new, self._foreseen(forecast, np.array(new), batch), strict=True)
-        self._known = by_slot
-        return np.array([by_slot[s] for s in slots.tolist()])
+        self.memory.update(observation)
+        t, up = observation.t, observation.line_up[self.memory.lines]
+        world = out
+        if world is None:
+            world = np.empty((self.size - len(self._low), up.shape[1]), np.float32)
+        parts = [world[rows] for rows in self._rows]
+        down_h = (self.memory.clock(t) - self.memory.since + 1) * self.setting.case.step_h
+        parts[0][:] = up
+        parts[1][:] = np.where(up, 0.0, down_h) / REFERENCE_H
+        parts[2][:] = self.memory.spent
+        parts[3][:] = self._clock(t)
+        parts[4][:] = self._centre(t, observation.centre)
+        self._look_ahead(observation, *parts[5:])
+        return world
 
-    def _foreseen(self, forecast: Forecast, slots: Ints, batch: int) -> Floats:
-        net = (self._demand - self._supply)[self._buses]
-        matrix = np.zeros((len(net) + len(self.prices), net.shape[1] + len(self.prices)))
-        matrix[: len(net), : net.shape[1]] = net
-        matrix[len(net) :, net.shape[1] :] = np.eye(len(self.prices))
-        profiles = [forecast(name, slots) for name in (*self.names, *self.prices)]
-        return _weighted(matrix, profiles, len(slots), batch)
+    def _look_ahead(
+        self,
+        observation: Observation,
+        demand: np.ndarray,
+        weather: np.ndarray,
+        net: np.ndarray,
+        price: np.ndarray,
+    ) -> None:
+        """Fills these parts of an observation, (rows, batch), with what is forecast."""
+        foreseen, places = self._foreseen_from(observation)
+        demand[:], weather[:] = foreseen.demand[places[0]], foreseen.weather[places[0]]
+        later, batch = len(places), net.shape[1]
+        of_buses, of_prices = net.reshape(later, -1, batch), price.reshape(-1, later, batch)
+        foreseen.net.take(places, axis=0, out=of_buses, mode="clip")
+        foreseen.price.take(places, axis=1, out=of_prices, mode="clip")
+
+    def _foreseen_from(self, observation: Observation) -> tuple[Foreseen, Ints]:
+        """What is forecast, and where in it the slots are that are observed.
+
+        A forecast without errors says of a slot what it said before, so that is worked out once,
+        for some hours more than are observed now.
+        """
+        t, reach = observation.t, int(self.ahead[-1])
+        if self.setting.error_correlation is not None:
+            return self._foreseen(observation.forecast, t + self.ahead), self._all_ahead
+        if self._known is None or not self._first <= t <= self._first + reach:
+            self._first = t
+            self._known = self._foreseen(observation.forecast, t + np.arange(2 * reach + 1))
+        return self._known, t - self._first + self.ahead
+
+    def _foreseen(self, forecast: Forecast, slots: Ints) -> Foreseen:
+        """What is forecast of some slots."""
+        profiles = [forecast(name, slots) for name in self.names]
+        shape = len(slots), self.setting.n
+        demand, weather = (_weighted(m, profiles, shape) for m in (self._demand, self._supply))
+        demand_pu, weather_pu, net_pu = np.empty((3, *demand.shape), np.float32)
+        np.multiply(demand, self._per_mw, out=demand_pu, casting="same_kind")
+        np.multiply(weather, self._per_mw, out=weather_pu, casting="same_kind")
+        np.multiply(demand - weather, self._per_mw, out=net_pu, casting="same_kind")
+        price = np.empty((len(self.prices), *shape), np.float32)
+        for row, name, scale in zip(price, self.prices, self._per_price, strict=True):
+            row[:] = forecast(name, slots) * scale
+        return Foreseen(demand_pu, weather_pu, net_pu, price)
 
     def _clock(self, t: int) -> Floats:
-        case = self.setting.case
-        angle = 2.0 * np.pi * case.window.slot_of_day(t) / case.window.slots_per_day
-        horizon_left = 0.0 if self.daily else 1.0 - t / case.slots
-        return np.array([np.sin(angle), np.cos(angle), horizon_left])
+        """(3, 1)."""
+        angle = 2.0 * math.pi * self.window.slot_of_day(t) / self.window.slots_per_day
+        horizon_left = 0.0 if self.daily else 1.0 - t / self.window.slots
+        return np.array([[math.sin(angle)], [math.cos(angle)], [horizon_left]])
 
     def _centre(self, t: int, centre: Ints) -> Floats:
-        """(2, batch) whether the peak is known, and hours until it."""
+        """(2, batch) whether the peak is known, and hours until it, scaled."""
         is_told = centre >= 0
-        hours = centre * 0.25 - self.setting.case.window.slot_of_day(t) * self.setting.case.step_h
-        return np.stack([is_told * 1.0, np.where(is_told, hours, 0.0)])
+        hours = centre * 0.25 - self.window.slot_of_day(t) * self.setting.case.step_h
+        return np.array([is_told, is_told * hours / REFERENCE_H])
 
 
 def digest_of_blocks(blocks: Sequence[ObservationBlock]) -> str:
@@ -215,14 +255,15 @@ def digest_of_blocks(blocks: Sequence[ObservationBlock]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _weighted(matrix: Floats, profiles: list[Floats], slots: int, batch: int) -> Floats:
-    """(slots, rows, batch) sums of profiles (slots, batch), term by term: the bits of a product
-    would depend on the size of the batch.
+def _weighted(matrix: Floats, profiles: list[Floats], shape: tuple[int, int]) -> Floats:
+    """(slots, rows, batch) sums of profiles of the shape (slots, batch), term by term: the bits of
+    a product would depend on the size of the batch.
     """
-    total = np.zeros((slots, len(matrix), batch))
+    slots, batch = shape
+    total = np.zeros((len(matrix), slots, batch))
     for row, column in np.argwhere(matrix):
-        total[:, row] += matrix[row, column] * profiles[column]
-    return total
+        total[row] += matrix[row, column] * profiles[column]
+    return total.swapaxes(0, 1)
 
 
 def _slots_ahead(step_h: float) -> Ints:

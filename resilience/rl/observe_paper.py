@@ -17,11 +17,8 @@ paper leaves open, and what is done here:
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
-from resilience.arrays import Floats
 from resilience.models.components import in_roles
 from resilience.rl.observe import ObservationBlock, digest_of_blocks
 from resilience.simulation.observation import Observation
@@ -46,16 +43,18 @@ class PaperObserver:
         self._low = simulator.low
         self._range = np.maximum(simulator.high - simulator.low, 1e-9)
         fleets = list(setting.microgrid.fleets.values())
-        self._profiles: list[str | None] = []
+        profiles: list[str | None] = []
         labels: list[str] = []
         for role in ("weather", "load"):
             for fleet in in_roles(fleets, role):
                 expected = fleet.expected()
-                self._profiles += [name for name, _ in expected]
+                profiles += [name for name, _ in expected]
                 labels += fleet.names[: len(expected)]
         self.rows = len(labels)
-        self._names = tuple(dict.fromkeys(self._profiles))
-        self._row_of = np.array([self._names.index(name) for name in self._profiles], np.intp)
+        self._rows_of = [
+            (name, np.flatnonzero([name == followed for followed in profiles]))
+            for name in dict.fromkeys(profiles)
+        ]
         units, per_day = simulator.units, float(setting.case.window.slots_per_day)
         window = tuple(f"{label}+{k}" for k in range(WINDOW) for label in labels)
         self.blocks = (
@@ -76,24 +75,33 @@ class PaperObserver:
 
     def observed(self, observation: Observation) -> np.ndarray:
         """(batch, numbers) an observation in single precision, as in training; once a slot."""
-        energy = observation.energy.astype(np.float32)
-        world = self.world(observation).astype(np.float32)
-        return np.concatenate([self.storage(energy), world]).T
+        storage = self.storage(observation.energy.astype(np.float32))
+        return np.concatenate([storage, self.world(observation)]).T
 
     def storage(self, energy: np.ndarray) -> np.ndarray:
         """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
         low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
         return (energy - low) / width
 
-    def world(self, observation: Observation) -> Floats:
-        """(numbers but those of storage, batch) counters and window of a slot."""
+    def world(self, observation: Observation, out: np.ndarray | None = None) -> np.ndarray:
+        """(numbers but those of storage, batch) counters and window of a slot, in single precision;
+        once in each slot.
+
+        Args:
+            observation: of the slot.
+            out: where it is written to; a new array if omitted.
+        """
         window = self.setting.case.window
         slots = observation.t + np.arange(WINDOW)
-        forecast = np.array([observation.forecast(name, slots) for name in self._names])
-        rows = forecast[self._row_of].swapaxes(0, 1)
         now = window.slot_of_day(observation.t)
         peak = observation.centre * 15.0 / window.step_min
         counter = np.where(observation.centre >= 0, np.maximum(peak - now, 0.0), 0.0)
         units = len(self.setting.simulator.units)
-        counters = np.repeat(counter[None] / window.slots_per_day, units, axis=0)
-        return cast("Floats", np.concatenate([counters, rows.reshape(-1, rows.shape[-1])]))
+        world = out
+        if world is None:
+            world = np.empty((units + WINDOW * self.rows, len(counter)), np.float32)
+        world[:units] = counter / window.slots_per_day
+        rows = world[units:].reshape(WINDOW, self.rows, -1)
+        for name, of_name in self._rows_of:
+            rows[:, of_name] = observation.forecast(name, slots)[:, None]
+        return world

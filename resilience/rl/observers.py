@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.rl.observe import ObservationBlock, Observer
 from resilience.rl.observe_paper import PaperObserver
@@ -40,8 +39,14 @@ class Eyes(Protocol):
     def storage(self, energy: np.ndarray) -> np.ndarray:
         """(units, batch) what is observed of storage."""
 
-    def world(self, observation: Observation) -> Floats:
-        """(numbers but those of storage, batch) what the world is like; once in each slot."""
+    def world(self, observation: Observation, out: np.ndarray | None = None) -> np.ndarray:
+        """(numbers but those of storage, batch) what the world is like, in single precision; once
+        in each slot.
+
+        Args:
+            observation: of the slot.
+            out: where it is written to; a new array if omitted.
+        """
 
 
 OBSERVERS: dict[str, Callable[[Setting], Eyes]] = {"full": Observer, "paper": PaperObserver}

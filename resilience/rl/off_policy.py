@@ -15,7 +15,7 @@ import torch
 from torch import nn
 
 from resilience.rl.bands import clipped
-from resilience.rl.env import BatchEnv, Tape
+from resilience.rl.env import BatchEnv
 from resilience.rl.learner import (
     Progress,
     load_optimiser,
@@ -24,6 +24,7 @@ from resilience.rl.learner import (
     with_prefix,
 )
 from resilience.rl.replay import ReplayRing, Transitions
+from resilience.rl.tape import Tape
 
 COLLECT_STREAM, UPDATE_STREAM = 4, 5
 
@@ -135,6 +136,10 @@ class ReplayLearner(ABC):
         """(heads, environments) $."""
         return self.env.reward(tape, t, step, baseline_cost)[None]
 
+    def baseline_cost(self, tape: Tape, start: torch.Tensor) -> torch.Tensor:
+        """(slots, environments) $ that rewards are relative to."""
+        return self.env.baseline_cost(tape, start)
+
     def iterate(self, progress: Progress) -> dict[str, float]:
         """A round of episodes; the first iteration has the warm-up before it."""
         log = self._round(progress)
@@ -147,7 +152,7 @@ class ReplayLearner(ABC):
         rng = np.random.default_rng([self.seed, COLLECT_STREAM, self.rounds])
         tape = self.replay.open(self.rounds)
         energy = self.starts(rng)
-        baseline_cost = env.baseline_cost(tape, energy)
+        baseline_cost = self.baseline_cost(tape, energy)
         noise = env.tensor(rng.standard_normal((tape.n, env.units)))
         saved = torch.zeros(tape.n, dtype=env.dtype, device=env.device)
         for t in range(tape.slots):

@@ -48,16 +48,9 @@ class Policy:
 
     def act(self, observation: Observation) -> Floats:
         """(units, batch) MW."""
-        numbers = self.observer.observed(observation)
-        return cast(
-            "Floats",
-            self.band.power(
-                self.outputs(numbers).T,
-                observation.energy,
-                observation.data,
-                observation.island,
-            ),
-        )
+        output = self.outputs(self.observer.observed(observation))
+        slot = self.band.slot(observation.data, observation.island)
+        return cast("Floats", self.band.power(output.T, observation.energy, slot))
 
 
 def _at_work(actor: nn.Module) -> Outputs:

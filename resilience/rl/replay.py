@@ -15,7 +15,10 @@ import torch
 
 from resilience.arrays import Ints
 from resilience.dispatch.anchors import Needs
-from resilience.rl.env import BatchEnv, Tape
+from resilience.models.simulator.plant import StorageSlot
+from resilience.rl.bands import BandSlot
+from resilience.rl.env import BatchEnv
+from resilience.rl.tape import Tape
 
 EMPTY = -1  # in place of a tape's number
 
@@ -27,21 +30,12 @@ class Situations:
     Attributes:
         observed: (n, numbers) observations, storage included.
         energy: (units, n) MWh.
-        data: (n_data, n) from `Simulator.stacked`.
-        island: (buses, n).
-        needs: of the islands; None where the band does not ask.
+        slot: what the band needs to know of the slots.
     """
 
     observed: torch.Tensor
     energy: torch.Tensor
-    data: torch.Tensor
-    island: torch.Tensor
-    needs: Needs | None
-
-    @property
-    def of_band(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, Needs | None]:
-        """What a band needs to know apart from outputs."""
-        return self.energy, self.data, self.island, self.needs
+    slot: BandSlot
 
 
 @dataclass(frozen=True)
@@ -145,12 +139,11 @@ class ReplayRing:
         needs = None
         if "surplus" in observed:
             needs = Needs(*(observed[name][:, index] for name in Needs._fields))
+        storage = StorageSlot(observed["power_limits"][..., index], observed["island"][:, index])
         return Situations(
             self.env.with_storage(energy, observed["observed"][index]),
             energy,
-            observed["data"][:, index],
-            observed["island"][:, index],
-            needs,
+            BandSlot(storage, needs),
         )
 
     def state(self) -> dict[str, torch.Tensor]:
@@ -175,7 +168,7 @@ class ReplayRing:
         self._per_tape = tape.slots * tape.n
         first = place * self._per_tape
         for name, values in _flat(tape).items():
-            axis = 0 if name == "observed" else 1
+            axis = 0 if name == "observed" else values.ndim - 1
             storage = self._seen.setdefault(name, self._room(values, axis))
             storage.narrow(axis, first, self._per_tape).copy_(values)
         if not self._done:
@@ -196,15 +189,18 @@ class ReplayRing:
 
 
 def _flat(tape: Tape) -> dict[str, torch.Tensor]:
-    """What a tape shows, with its slots and episodes along one axis."""
+    """What a tape shows, with its slots and episodes along the last axis, of observations along the
+    first.
+    """
+    slots = [now.band for now in tape.plain]
     flat = {
-        "observed": tape.observed.flatten(0, 1),
-        "data": tape.data.movedim(0, 1).flatten(1),
-        "island": tape.island.movedim(0, 1).flatten(1),
+        "power_limits": np.concatenate([slot.storage.power_limits for slot in slots], -1),
+        "island": np.concatenate([slot.storage.island for slot in slots], -1),
     }
-    needs = [n for n in tape.needs if n is not None]
+    needs = [slot.needs for slot in slots if slot.needs is not None]
     if needs:
-        for name in Needs._fields:
-            wide = [getattr(n, name).expand(-1, tape.n) for n in needs]
-            flat[name] = torch.stack(wide, 1).flatten(1)
-    return flat
+        wide = [[np.broadcast_to(x, (len(x), tape.n)) for x in slot_needs] for slot_needs in needs]
+        parts = zip(Needs._fields, zip(*wide, strict=True), strict=True)
+        flat |= {name: np.concatenate(values, -1) for name, values in parts}
+    moved = {name: tape.tensor(values) for name, values in flat.items()}
+    return {"observed": tape.observed.flatten(0, 1), **moved}

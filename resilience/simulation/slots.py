@@ -127,12 +127,15 @@ class Slots:
         data, situation = stretch_data(self.microgrid, self.line_up, self.profile, slots)
 
         def apart(array: np.ndarray) -> np.ndarray:
-            """(slots, labels, scenarios), each slot in one piece."""
+            """(slots, labels, scenarios), a view."""
             wide = np.broadcast_to(array, (len(array), len(slots) * n))
-            return np.ascontiguousarray(wide.reshape(len(array), len(slots), n).swapaxes(0, 1))
+            return wide.reshape(len(array), len(slots), n).swapaxes(0, 1)
 
         named = {name: apart(values) for name, values in data.items()}
-        stacked, island = apart(self.simulator.stacked(data)), apart(situation.island)
+        stacked, island = (
+            self.simulator.stacked(named),
+            np.ascontiguousarray(apart(situation.island)),
+        )
         return [
             Slot({name: values[k] for name, values in named.items()}, stacked[k], island[k])
             for k in range(len(slots))

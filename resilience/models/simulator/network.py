@@ -23,8 +23,9 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.models.simulator.arrays import ArrayOps, NumPyOps, array_ops
+from resilience.models.simulator.arrays import ArrayOps, array_ops
 from resilience.models.simulator.modes import modes
+from resilience.models.simulator.numpy_ops import NumPyOps
 from resilience.models.simulator.plant import STATE, MemberPrices, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
@@ -107,7 +108,8 @@ class NetworkSimulator(Plant):
     ) -> Step:
         """One step of members of equal prices."""
         prices, storage_prices = paid.sources, paid.storage
-        charge, discharge = self.masked_action(ops, energy, action, data)
+        limits = self.power_limits(ops, data, energy.shape[-1])
+        charge, discharge = self.masked_action(ops, energy, action, limits)
         batch = _Batch.build(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
         z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array, ArrayOps
-from resilience.models.simulator.constants import Map, Matrix
+from resilience.models.simulator.constants import Constant, Map, Matrix
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW
 
@@ -46,11 +46,6 @@ class Order:
         """Number of tiers."""
         return len(self.block)
 
-    def need_and_room(self, values: Array) -> tuple[Array, Array]:
-        """Need (buses, batch) and room (tiers, buses, batch) from the values of `map`, MW."""
-        n = self.n_buses
-        return values[:n], values[n:].reshape(self.tiers, n, values.shape[-1])
-
     def flows(
         self, ops: ArrayOps, drawn: list[Array], room: Array, data: Array, island: Array
     ) -> Array:
@@ -63,10 +58,8 @@ class Order:
             data: (n_data, batch) or (n_data, 1).
             island: (buses, batch) number of the island of every bus.
         """
-        share = ops.joined([mw[None] for mw in drawn]) / ops.maximum(
-            room, ops.array(np.array(POWER_TOLERANCE_MW))
-        )
-        share = ops.at_buses(share, island).reshape(-1, share.shape[-1])
+        share = ops.stacked(drawn) / ops.at_least(room, POWER_TOLERANCE_MW)
+        share = ops.at_islands(share, island).reshape(-1, share.shape[-1])
         row = self.tier * self.n_buses + self.bus
         return ops.scaled_rows(share, row, self.move(ops, data), self.lowest(ops, data))
 
@@ -78,13 +71,15 @@ class Priced:
     Attributes:
         order: the tiers.
         lowest_cost: from data to (1,), the cost of all sources at their lowest, $.
-        value: (tiers,) $ per MW drawn from a tier.
+        value: (tiers, 1) $ per MW drawn from a tier.
+        steps: (tiers, 1) how much dearer a tier is than the one before.
         prices: (1, columns) $ per MW of every source.
     """
 
     order: Order
     lowest_cost: Map
-    value: tuple[float, ...]
+    value: Constant
+    steps: Constant
     prices: Matrix
 
 
@@ -126,7 +121,10 @@ def priced_order(plant: Plant, order: Order, prices: Floats, value: Floats) -> P
     moving = prices @ order.lowest.coefficients + form.offset_data
     constant = np.array([prices @ order.lowest.constant + form.offset])
     lowest_cost = Map(constant, sp.csr_array(moving[None, :]))
-    return Priced(order, lowest_cost, tuple(value.tolist()), Matrix(sp.csr_array(prices[None, :])))
+    value = value[:, None]
+    steps = np.diff(value, axis=0, prepend=0.0)
+    row = Matrix(sp.csr_array(prices[None, :]))
+    return Priced(order, lowest_cost, Constant(value), Constant(steps), row)
 
 
 def _scaled(x: Map, matrix: sp.sparray) -> Map:

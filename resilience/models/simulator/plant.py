@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,7 +22,7 @@ from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
 from resilience.models.program.form import stage_form
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
-from resilience.models.simulator.constants import Constant, Map, Matrix
+from resilience.models.simulator.constants import Constant, Map
 
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")
@@ -41,6 +41,18 @@ class MemberPrices:
     members: Ints | None
     sources: Floats
     storage: Floats
+
+
+class StorageSlot(NamedTuple):
+    """What a slot is to storage, whatever is stored.
+
+    Attributes:
+        power_limits: (2, units, batch) from `Plant.power_limits`.
+        island: (units, batch) number of the island of every unit.
+    """
+
+    power_limits: Array
+    island: Array
 
 
 class Plant:
@@ -110,13 +122,11 @@ class Plant:
             (lower, _), (upper, _) = self.form.lower_bounds, self.form.upper_bounds
             self.low, self.high = lower[variables][:, None], upper[variables][:, None]
             self.stored = columns[0], columns[1]
-        entries = (np.ones(n), (self.storage_bus, np.arange(n)))
-        self._at_bus = Matrix(sp.csr_array(entries, shape=(self.n_buses, n)))
         self.power_max = [self.bound("upper", columns) for columns in self.stored]
         self.storage_price = [self._priced(columns) for columns in self.stored]
-        self._per_gain, self._per_drain = Constant(1.0 / self.gain), Constant(1.0 / self.drain)
         self._gain, self._negative_drain = Constant(self.gain), Constant(-self.drain)
-        self._low, self._high = Constant(self.low), Constant(self.high)
+        self._edges = Constant(np.array([self.high, self.low]))
+        self._per_edge = Constant(1.0 / np.array([self.gain, -self.drain]))
 
     def _read_sources(self) -> None:
         """Reads what feeds or loads a bus, with its sign, bounds and price."""
@@ -154,11 +164,12 @@ class Plant:
         return self.stacked(self.microgrid.data(situation))[:, [node]]
 
     def stacked(self, data: Mapping[str, Floats]) -> Floats:
-        """(n_data, n) the stage's data from named arrays (labels, n)."""
-        width = max((np.shape(value)[-1] for value in data.values()), default=1)
-        stacked = np.empty((self.form.n_data, width))
+        """(..., n_data, n) the stage's data from named arrays (..., labels, n)."""
+        shapes = [(*np.shape(value)[:-2], np.shape(value)[-1]) for value in data.values()]
+        *leading, width = np.broadcast_shapes(*shapes) if shapes else (1,)
+        stacked = np.empty((*leading, self.form.n_data, width))
         for block in self.form.stage.datums:
-            stacked[block.slice] = data[block.name]
+            stacked[..., block.slice, :] = data[block.name]
         return stacked
 
     def prices(self, data: Array) -> list[MemberPrices]:
@@ -183,18 +194,38 @@ class Plant:
         )
         return MemberPrices(members, sources, np.array(storage))
 
+    def power_limits(self, ops: ArrayOps, data: Array, batch: int) -> Array:
+        """(2, units, batch) MW that units can charge and discharge with, whatever they hold."""
+        return ops.stacked([ops.wide(limit(ops, data), batch) for limit in self.power_max])
+
+    def storage_slot(self, data: Array, island: Array) -> StorageSlot:
+        """What a slot is to storage.
+
+        Args:
+            data: (n_data, batch) or (n_data, 1) from `stacked`.
+            island: (buses, batch) number of the island of every bus.
+        """
+        ops = array_ops(data)
+        limits = self.power_limits(ops, data, island.shape[-1])
+        return StorageSlot(limits, ops.rows(island, self.storage_bus))
+
+    def possible(self, ops: ArrayOps, energy: Array, power_limits: Array) -> Array:
+        """(2, units, batch) MW that units can charge and discharge with now, within their bands."""
+        edges, per_edge = self._edges.as_array(ops), self._per_edge.as_array(ops)
+        return ops.clipped(ops.scaled_difference(edges, energy, per_edge), power_limits)
+
     def limits(self, energy: Array, data: Array) -> tuple[Array, Array]:
         """(units, batch) lowest and highest charging power, MW, that keep every unit in its band.
 
         Efficiencies are in it; negative is discharging.
         """
         ops = array_ops(energy)
-        charge, discharge = (limit(ops, data) for limit in self.power_max)
-        room, stock = self._room(ops, energy), self._stock(ops, energy)
-        return -ops.clipped(stock, discharge), ops.clipped(room, charge)
+        power_limits = self.power_limits(ops, data, energy.shape[-1])
+        take, give = self.possible(ops, energy, power_limits)
+        return -give, take
 
     def masked_action(
-        self, ops: ArrayOps, energy: Array, action: Array, data: Array
+        self, ops: ArrayOps, energy: Array, action: Array, power_limits: Array
     ) -> tuple[Array, Array]:
         """(units, batch) charging and discharging power, MW: the action within `limits`.
 
@@ -202,22 +233,12 @@ class Plant:
         in an island that sheds all it has tells that storage helps, or, where `charges_at_zero`,
         of charging.
         """
-        limits = [limit(ops, data) for limit in self.power_max]
-        room = ops.clipped(self._room(ops, energy), limits[0])
-        stock = ops.clipped(self._stock(ops, energy), limits[1])
+        take, give = self.possible(ops, energy, power_limits)
         if self.charges_at_zero:
-            charge = ops.positive_up_to(action, room)
-            return charge, ops.positive_up_to(charge - action, stock)
-        discharge = ops.positive_up_to(-action, stock)
-        return ops.positive_up_to(action + discharge, room), discharge
-
-    def _room(self, ops: ArrayOps, energy: Array) -> Array:
-        """(units, batch) charging power that fills the unit, MW."""
-        return ops.scaled_difference(self._high.as_array(ops), energy, self._per_gain.as_array(ops))
-
-    def _stock(self, ops: ArrayOps, energy: Array) -> Array:
-        """(units, batch) discharging power that empties the unit, MW."""
-        return ops.scaled_difference(energy, self._low.as_array(ops), self._per_drain.as_array(ops))
+            charge = ops.positive_up_to(action, take)
+            return charge, ops.positive_up_to(charge - action, give)
+        discharge = ops.positive_up_to(-action, give)
+        return ops.positive_up_to(action + discharge, take), discharge
 
     def after(self, energy: Array, charge: Array, discharge: Array) -> Array:
         """(units, batch) stored energy at the end of the step, MWh."""

@@ -24,13 +24,15 @@ class Way:
 
     Attributes:
         order: the tiers.
-        value: (tiers,) $ per MW drawn, a number for all members, or (members,).
+        value: (tiers, members) or (tiers, 1) $ per MW drawn.
+        steps: likewise, how much dearer a tier is than the one before.
         lowest_cost: (members,) $ of all sources at their lowest.
         prices: (1, columns) $ per MW of every source; None where members differ.
     """
 
     order: Order
-    value: tuple[float | Array, ...]
+    value: Array
+    steps: Array
     lowest_cost: Array
     prices: Matrix | None
 
@@ -118,13 +120,16 @@ def _group(
     for same in zip(*ways, strict=True):  # one order, price by price
         lowest = [priced.lowest_cost(ops, x)[0] for priced, x in zip(same, parts, strict=True)]
         if len(same) == 1:
-            of_group.append(Way(same[0].order, same[0].value, lowest[0], same[0].prices))
+            value, steps = same[0].value.as_array(ops), same[0].steps.as_array(ops)
+            of_group.append(Way(same[0].order, value, steps, lowest[0], same[0].prices))
             continue
         counts = [len(_chosen(price)) for price in prices]
         wide = [ops.wide(cost, n) for cost, n in zip(lowest, counts, strict=True)]
-        tier_values = np.repeat([priced.value for priced in same], counts, axis=0)
-        value = tuple(ops.array(tier) if tier.any() else 0.0 for tier in tier_values.T)
-        of_group.append(Way(same[0].order, value, ops.joined(wide), None))
+        value, steps = (
+            ops.array(np.repeat(np.concatenate(values, axis=1), counts, axis=1))
+            for values in zip(*((p.value.value, p.steps.value) for p in same), strict=True)
+        )
+        of_group.append(Way(same[0].order, value, steps, ops.joined(wide), None))
     charge, discharge = (row(price) for price in prices[0].storage)
     return PriceGroup(members, (charge, discharge), tuple(of_group))
 

@@ -13,10 +13,10 @@ spilled. So every state has an outcome:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Literal, NamedTuple, get_args
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,16 +26,16 @@ from resilience.errors import UsageError
 from resilience.models.algebra import Labels
 from resilience.models.components import in_roles
 from resilience.models.microgrid import Microgrid
-from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
+from resilience.models.simulator.arrays import Array, array_ops
+from resilience.models.simulator.closing import ReadyGroup, ReadyOrder, side_by_side
 from resilience.models.simulator.constants import Matrix
-from resilience.models.simulator.merit import fill, merit_order
+from resilience.models.simulator.merit import merit_order
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.order import Order, Priced, compiled_order, priced_order
-from resilience.models.simulator.paper import check_paper, paper_fill, paper_tiers
-from resilience.models.simulator.plant import Plant
-from resilience.models.simulator.prices import PricedBatch, PriceGroup, Way, priced_batch
+from resilience.models.simulator.paper import check_paper, paper_tiers
+from resilience.models.simulator.plant import Plant, StorageSlot
+from resilience.models.simulator.prices import PricedBatch, priced_batch
 from resilience.models.simulator.refusals import refuse
-from resilience.tolerances import POWER_TOLERANCE_MW
 
 RecourseRule = Literal["economic", "paper"]
 RECOURSE: tuple[RecourseRule, ...] = get_args(RecourseRule)
@@ -70,24 +70,18 @@ class Step:
         return self._flows()
 
 
-class _Closed(NamedTuple):
-    """What closing every island by one order leads to.
+class ReadySlot(NamedTuple):
+    """Everything of a slot that storage has no part in; see `Simulator.ready`.
 
     Attributes:
-        cost, charge, discharge, spill: as in `Step`; storage is priced last.
-        flows: what works out the power of every source.
+        storage: what it is to storage.
+        groups: every member is in one of them.
+        place: (batch,) where each member is when groups are laid side by side; None: there is one.
     """
 
-    cost: Array
-    charge: Array
-    discharge: Array
-    spill: Array
-    flows: Callable[[], Array]
-
-    def deviation(self, request: tuple[Array, Array]) -> Array:
-        """(batch,) MW by which it differs from the charging and discharging requested."""
-        net = self.charge - self.discharge
-        return self.spill.sum(0) + abs(net - (request[0] - request[1])).sum(0)
+    storage: StorageSlot
+    groups: tuple[ReadyGroup, ...]
+    place: Array | None
 
 
 class Simulator(Plant):
@@ -149,14 +143,35 @@ class Simulator(Plant):
             array_ops(data), data, self.prices(data), self._in_order, self._row, apart=by_price
         )
 
-    def step(
-        self,
-        energy: Array,
-        action: Array,
-        data: Array,
-        island: Array,
-        priced: PricedBatch | None = None,
-    ) -> Step:
+    def ready(self, data: Array, island: Array) -> ReadySlot:
+        """A slot, for whoever steps it repeatedly.
+
+        It reads prices back from their device; `step_ready` does not.
+
+        Args:
+            data: (n_data, batch) or (n_data, 1) from `stacked`.
+            island: (buses, batch) number of the island of every bus.
+        """
+        ops, batch = array_ops(data), island.shape[-1]
+        priced = self.priced(data)
+        storage = self.storage_slot(data, island)
+        demand = ops.wide(self.demand(ops, data), batch) if self.recourse == "paper" else None
+
+        def chosen(array: Array | None, members: Array | None) -> Any:
+            if array is None or members is None:
+                return array
+            return ops.wide(array, batch)[:, members]
+
+        groups = []
+        for group in priced.groups:
+            data_of, island_of, units_of, demand_of = (
+                chosen(array, group.members) for array in (data, island, storage.island, demand)
+            )
+            orders = [ReadyOrder.of_slot(w, data_of, island_of, demand_of) for w in group.ways]
+            groups.append(ReadyGroup(group.members, group.storage, units_of, tuple(orders)))
+        return ReadySlot(storage, tuple(groups), priced.place)
+
+    def step(self, energy: Array, action: Array, data: Array, island: Array) -> Step:
         """One step. Members of different prices, as of different slots, do as if they were alone.
 
         Args:
@@ -164,97 +179,20 @@ class Simulator(Plant):
             action: (units, batch) charging power requested, MW; negative is discharging.
             data: (n_data, batch) or (n_data, 1) from `stacked`, of the kind of `energy`.
             island: (buses, batch) number of the island of every bus.
-            priced: from `priced(data)`; worked out if omitted.
         """
-        ops, batch = array_ops(energy), energy.shape[-1]
-        priced = priced or self.priced(data)
-        request = self.masked_action(ops, energy, action, data)
-        if priced.place is None:
-            closed = self._grouped(priced.groups[0], request, data, island)
+        return self.step_ready(energy, action, self.ready(data, island))
+
+    def step_ready(self, energy: Array, action: Array, slot: ReadySlot) -> Step:
+        """One step of a slot that is ready; see `step`."""
+        ops = array_ops(energy)
+        request = ops.stacked(self.masked_action(ops, energy, action, slot.storage.power_limits))
+        if slot.place is None:
+            closed = slot.groups[0].closed(request)
         else:
-            wide = ops.wide(data, batch)
-            parts = [
-                self._grouped(
-                    group,
-                    (request[0][:, group.members], request[1][:, group.members]),
-                    wide[:, group.members],
-                    island[:, group.members],
-                )
-                for group in priced.groups
-            ]
-            closed = _side_by_side(ops, parts, priced.place)
+            parts = [group.closed(request[..., group.members]) for group in slot.groups]
+            closed = side_by_side(ops, parts, slot.place)
         cost, charge, discharge, spill, flows = closed
         return Step(self.after(energy, charge, discharge), cost, charge, discharge, spill, flows)
-
-    def _grouped(
-        self, group: PriceGroup, request: tuple[Array, Array], data: Array, island: Array
-    ) -> _Closed:
-        """Every island of some members closed in the way that is nearest, storage priced."""
-        ops = array_ops(request[0])
-        closed, *others = [self._closed(way, request, data, island) for way in group.ways]
-        if others:
-            closed = _nearest(ops, request, closed, others)
-        cost = closed.cost
-        for price, power in zip(group.storage, (closed.charge, closed.discharge), strict=True):
-            if price is not None:
-                cost = cost + (price.as_matrix(ops) @ power)[0]
-        return closed._replace(cost=cost)
-
-    def _closed(
-        self, way: Way, request: tuple[Array, Array], data: Array, island: Array
-    ) -> _Closed:
-        """Every island closed by one order, storage doing what is requested or less."""
-        charge, discharge = request
-        ops, batch, order = array_ops(charge), charge.shape[-1], way.order
-        need, room = order.need_and_room(ops.wide(order.map(ops, data), batch))
-        need = ops.island_sums(self._with_storage(ops, need, charge - discharge), island)
-        room = ops.island_sums(room, island)
-        drawn, need = self._recourse(ops, order, need, room, data, island)
-        if ops.may_exceed(need, POWER_TOLERANCE_MW):
-            charge, need = self._cut_back(ops, charge, need, island, 1.0)
-            discharge, need = self._cut_back(ops, discharge, need, island, -1.0)
-        flows = partial(order.flows, ops, drawn, room, data, island)
-        cost = way.lowest_cost
-        if way.prices is not None and self.recourse == "paper":
-            moved = flows() - order.lowest(ops, data)
-            cost = cost + (way.prices.as_matrix(ops) @ moved)[0]
-        else:
-            spent = [
-                value * mw
-                for value, mw in zip(way.value, drawn, strict=True)
-                if not isinstance(value, float) or value
-            ]
-            cost = cost + (sum(spent[1:], spent[0]) if spent else need * 0.0).sum(0)
-        return _Closed(cost, charge, discharge, ops.positive(-need), flows)
-
-    def _recourse(
-        self, ops: ArrayOps, order: Order, need: Array, room: Array, data: Array, island: Array
-    ) -> tuple[list[Array], Array]:
-        if self.recourse == "economic":
-            return fill(ops, order, need, room)
-        load = ops.island_sums(ops.wide(self.demand(ops, data), need.shape[-1]), island)
-        return paper_fill(ops, need, room, load)
-
-    def _with_storage(self, ops: ArrayOps, need: Array, power: Array) -> Array:
-        """(buses, batch) the need with the power (units, batch) of storage added at its buses."""
-        if self.n_buses == 1:
-            return need + power.sum(0)
-        return need + self._at_bus.as_matrix(ops) @ power
-
-    def _cut_back(
-        self, ops: ArrayOps, power: Array, need: Array, island: Array, sign: float
-    ) -> tuple[Array, Array]:
-        """Charging cut back by a deficit (sign 1), discharging by a surplus (sign -1), pro rata.
-
-        Where nothing is missing no gradient passes: half of one would, of two zeros' minimum.
-        """
-        total = ops.island_sums(self._with_storage(ops, need * 0.0, power), island)
-        beyond = sign * need
-        cut = ops.where(beyond > 0.0, ops.minimum(beyond, total), need * 0.0)
-        share = ops.at_buses(
-            cut / ops.maximum(total, ops.array(np.array(POWER_TOLERANCE_MW))), island
-        )
-        return power * (1.0 - ops.rows(share, self.storage_bus)), need - sign * cut
 
     def _in_order(self, prices: Floats) -> list[Priced]:
         """The order of these prices, or one per mode where a connection could earn in both."""
@@ -291,44 +229,3 @@ class Simulator(Plant):
                 self._orders.clear()
             order = self._orders[key] = compiled_order(self, tier, block, closed)
         return order
-
-
-def _nearest(
-    ops: ArrayOps, request: tuple[Array, Array], first: _Closed, alternatives: list[_Closed]
-) -> _Closed:
-    """Per member the one that is nearest to the request, and of equally near ones the cheapest."""
-    best, deviation = first, first.deviation(request)
-    for candidate in alternatives:
-        its_deviation = candidate.deviation(request)
-        nearer = its_deviation < deviation - POWER_TOLERANCE_MW
-        as_near = its_deviation <= deviation + POWER_TOLERANCE_MW
-        better = nearer | (as_near & (candidate.cost < best.cost))
-        best = _Closed(
-            cost=ops.where(better, candidate.cost, best.cost),
-            charge=ops.where(better, candidate.charge, best.charge),
-            discharge=ops.where(better, candidate.discharge, best.discharge),
-            spill=ops.where(better, candidate.spill, best.spill),
-            flows=partial(_either, ops, better, candidate.flows, best.flows),
-        )
-        deviation = ops.where(better, its_deviation, deviation)
-    return best
-
-
-def _side_by_side(ops: ArrayOps, parts: Sequence[_Closed], place: Array) -> _Closed:
-    """Groups joined, every member in its place."""
-
-    def joined(arrays: Iterable[Array]) -> Array:
-        return ops.beside(list(arrays))[..., place]
-
-    cost, charge, discharge, spill, flows = zip(*parts, strict=True)
-    return _Closed(
-        joined(cost),
-        joined(charge),
-        joined(discharge),
-        joined(spill),
-        lambda: joined(work_out() for work_out in flows),
-    )
-
-
-def _either(ops: ArrayOps, first: Array, x: Callable[[], Array], y: Callable[[], Array]) -> Array:
-    return ops.where(first, x(), y())

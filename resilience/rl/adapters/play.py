@@ -161,7 +161,8 @@ class Play:
                 hint="a number in [-1, 1] for every storage unit",
             )
         t, output = self.t, clipped(actions.T)
-        request = self.band.power(output, self.energy, self._data, self._island)
+        slot = self.band.slot(self._data, self._island)
+        request = self.band.power(output, self.energy, slot)
         step = self._step(t, self.energy, request)
         cost = self._cost(t, step)
         info = self._info(step, request, cost)
@@ -197,7 +198,9 @@ class Play:
         for t in range(self.slots if self.baseline != "none" else 0):
             slot, power = self.episodes.slot(t), np.zeros_like(energy)
             if self.baseline == "rule":
-                power = self._anchors.actions(energy, slot.stacked, slot.island).rule
+                storage = self.simulator.storage_slot(slot.stacked, slot.island)
+                needs = self._anchors.needs(slot.stacked, slot.island, storage)
+                power = self._anchors.actions(energy, storage, needs).rule
             step = self._step(t, energy, power)
             costs[t], energy = self._cost(t, step), step.energy
         return costs

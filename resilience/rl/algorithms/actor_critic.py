@@ -151,7 +151,7 @@ class ActorCritic(ReplayLearner):
     ) -> torch.Tensor:
         """(critics, n) $ to come after outputs (n, units)."""
         if self.settings.critic_sees == "mw":
-            power = self.env.band.power(output.T, *situation.of_band)
+            power = self.env.band.power(output.T, situation.energy, situation.slot)
             output = (power / self._largest).T
         critic_inputs = torch.cat([situation.observed, output], 1)
         values: torch.Tensor = critic(critic_inputs.expand(self.settings.critics, -1, -1))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from resilience.rl.env import BatchEnv, Tape
+from resilience.rl.env import BatchEnv
 from resilience.rl.learner import (
     Progress,
     load_optimiser,
@@ -23,6 +23,7 @@ from resilience.rl.learner import (
 )
 from resilience.rl.nets import Actor, Average
 from resilience.rl.starts import mixed_starts
+from resilience.rl.tape import Tape
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 
 from resilience.dispatch.registry import factory_of
+from resilience.models.simulator.arrays import array_ops
 from resilience.rl.algorithms.actor_critic import ActorKind
 from resilience.rl.env import BatchEnv
 from resilience.rl.learner import (
@@ -141,7 +142,7 @@ class Clone:
             observed = tape.episodes.observation(t, energy.cpu().numpy().astype(float))
             power = env.tensor(teacher.act(observed))
             self.replay.add(energy, power.T, torch.zeros(tape.n, device=env.device))
-            after = env.simulator.step(energy, power, tape.data[t], tape.island[t]).energy
+            after = env.played(tape, t, energy, power).energy
             away = env.tensor(rng.standard_normal(after.shape)) * settings.noise * (high - low)
             energy = (after + away).clamp(low, high)
         self.ends, self.rounds = energy, self.rounds + 1
@@ -151,9 +152,10 @@ class Clone:
         sample = self.replay.sample(self.settings.batch, rng, 1, 1.0)
         situation = sample.now
         output = self.actor(situation.observed)
-        power = self.env.band.power(output.T, *situation.of_band).T
-        low, high = self.env.simulator.limits(situation.energy, situation.data)
-        taught = sample.output.clamp(low.T, high.T)
+        power = self.env.band.power(output.T, situation.energy, situation.slot).T
+        simulator, limits = self.env.simulator, situation.slot.storage.power_limits
+        take, give = simulator.possible(array_ops(power), situation.energy, limits)
+        taught = sample.output.clamp(-give.T, take.T)
         loss = ((power - taught) / self._largest).square().mean()
         self.optimiser.zero_grad()
         loss.backward()

@@ -43,11 +43,12 @@ from torch import nn
 from resilience.errors import UsageError
 from resilience.models.simulator.simulator import Step
 from resilience.rl.actors import GruActors
-from resilience.rl.env import BatchEnv, Tape
+from resilience.rl.env import BatchEnv
 from resilience.rl.learner import Progress
 from resilience.rl.off_policy import ReplayLearner
 from resilience.rl.replay import Situations, Transitions
 from resilience.rl.stacked import StackedLinear, StackedNorm
+from resilience.rl.tape import Tape
 
 
 @dataclass(frozen=True)
@@ -168,8 +169,12 @@ class PaperMaddpg(ReplayLearner):
         return self.env.start(self.settings.environments)
 
     def rewards(self, tape: Tape, t: int, step: Step, baseline_cost: torch.Tensor) -> torch.Tensor:
-        """(units, environments) $: eq. (16), less nothing."""
-        return self.env.agent_rewards(tape, t, step, torch.zeros_like(baseline_cost))
+        """(units, environments) $: eq. (16)."""
+        return self.env.agent_rewards(tape, t, step, baseline_cost)
+
+    def baseline_cost(self, tape: Tape, start: torch.Tensor) -> torch.Tensor:
+        """None: the paper's rewards are what is paid."""
+        return torch.zeros((tape.slots, tape.n), dtype=start.dtype, device=start.device)
 
     def sample(self, rng: np.random.Generator) -> Transitions:
         """Rows with the next slot."""
@@ -213,7 +218,7 @@ class PaperMaddpg(ReplayLearner):
 
     def _actions(self, situation: Situations, output: torch.Tensor) -> torch.Tensor:
         """(n, units) MW per unit of the largest, masked."""
-        power = self.env.band.power(output.T, *situation.of_band)
+        power = self.env.band.power(output.T, situation.energy, situation.slot)
         return cast("torch.Tensor", (power / self._largest).T)
 
     def _descend(self, name: str, loss: torch.Tensor) -> None:

@@ -39,7 +39,7 @@ def test_no_output_leaves_the_limits_in_fifty_thousand_states(name: str, case: s
         observed = at_the_edges(scene(plant, n, rng), plant, rng)
         output = rng.choice([-1.0, 0.0, 1.0, 0.5], observed.energy.shape)
         output = np.where(rng.random(output.shape) < 0.5, output, rng.uniform(-1, 1, output.shape))
-        power = made.power(output, observed.energy, observed.data, observed.island)
+        power = made.power(output, observed.energy, made.slot(observed.data, observed.island))
         low, high = plant.limits(observed.energy, observed.data)
         assert (power >= low - 1e-12).all()
         assert (power <= high + 1e-12).all()
@@ -59,9 +59,9 @@ def test_affine_is_the_papers_mask_with_efficiencies() -> None:
     top = np.array([0.07 / (0.25 * 0.999)] * 2 + [2.0, 1.0, 1.0])
     bottom = np.array([-2.0, -1.5] + [-0.04 * 0.999000999000999 / 0.25] * 3)
     for output in (-1.0, -0.3, 0.0, 0.7, 1.0):
-        power = band("affine", plant).power(
-            np.full((5, 1), output), energy, observed.data, observed.island
-        )
+        affine = band("affine", plant)
+        slot = affine.slot(observed.data, observed.island)
+        power = affine.power(np.full((5, 1), output), energy, slot)
         expected = bottom + (top - bottom) * (output + 1.0) / 2.0
         np.testing.assert_allclose(power[:, 0], expected, rtol=0.0, atol=1e-9)
 
@@ -118,7 +118,7 @@ def test_the_anchors_are_greedy_rule_and_full_charge(case: str) -> None:
         observed = at_the_edges(scene(plant, n, rng), plant, rng)
         power = {
             name: anchors.power(np.full(observed.energy.shape, output), *state)
-            for state in [(observed.energy, observed.data, observed.island)]
+            for state in [(observed.energy, anchors.slot(observed.data, observed.island))]
             for name, output in (("greedy", -1.0), ("rule", 0.0), ("full", 1.0))
         }
         for k in range(n):

@@ -11,8 +11,9 @@ import pytest
 torch = pytest.importorskip("torch", reason="learners need torch")
 
 import resilience as rs  # noqa: E402
-from resilience.rl.env import BatchEnv, Tape  # noqa: E402
+from resilience.rl.env import BatchEnv  # noqa: E402
 from resilience.rl.episodes import EpisodeSampler  # noqa: E402
+from resilience.rl.tape import Tape  # noqa: E402
 
 
 @cache
@@ -70,7 +71,7 @@ def test_whoever_acts_as_the_baseline_is_rewarded_with_nothing(
     for t in range(tape.slots):
         asked = torch.zeros((6, env.units), dtype=torch.float64)
         if output is None:  # what the affine band makes nothing of
-            low, high = env.simulator.limits(energy, tape.data[t])
+            low, high = env.simulator.limits(energy, tape.now(t).data)
             asked = (-2.0 * low / (high - low) - 1.0).T
         step = env.step(tape, t, energy, asked)
         reward = env.reward(tape, t, step, costs)

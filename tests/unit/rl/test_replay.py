@@ -43,7 +43,7 @@ def test_rows_are_what_was_seen_and_done_in_the_tapes_that_are_left() -> None:
         assert torch.equal(back.rewards[:, part], reward)
         power = env.power(tape, t, energy, output)
         at = back.now
-        again = env.band.power(back.output.T, at.energy, at.data, at.island, at.needs)
+        again = env.band.power(back.output.T, at.energy, at.slot)
         torch.testing.assert_close(again[:, part], power)
 
 
@@ -80,6 +80,8 @@ def test_a_ring_from_its_state_samples_the_same() -> None:
     other = ReplayRing(env, 2, EPISODES)
     other.load_state({name: value.clone() for name, value in replay.state().items()})
     samples = [r.sample(50, np.random.default_rng(6), 1, 0.9) for r in (replay, other)]
-    for name in ("observed", "energy", "data", "island"):
+    for name in ("observed", "energy"):
         assert torch.equal(*(getattr(sample.now, name) for sample in samples))
+    for name in ("power_limits", "island"):
+        assert torch.equal(*(getattr(sample.now.slot.storage, name) for sample in samples))
     assert torch.equal(samples[0].rewards, samples[1].rewards)

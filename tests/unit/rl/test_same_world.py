@@ -158,7 +158,7 @@ def test_islands_die_in_training_where_storage_is_empty() -> None:
     tape = env.draw(8, 4)
     empty = env.tensor(np.repeat(env.simulator.low, 8, axis=1))
     costs = [
-        env._step(now, empty, torch.zeros_like(empty)).cost.sum().item()
+        env.simulator.step_ready(empty, torch.zeros_like(empty), now.ready).cost.sum().item()
         for t in range(tape.slots)
         for now in (tape.now(t), env.now(tape, t, empty))
     ]

@@ -6,10 +6,11 @@ import numpy as np
 import torch
 
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.rl.env import BatchEnv, Tape
+from resilience.rl.env import BatchEnv
 from resilience.rl.episodes import EpisodeSampler
 from resilience.rl.learner import Learner, Progress
 from resilience.rl.nets import network
+from resilience.rl.tape import Tape
 from resilience.testing.cases import small_case
 
 DAYS = 4

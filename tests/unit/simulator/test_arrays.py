@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from resilience.models.simulator import arrays
+from resilience.models.simulator import torch_ops
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 
 torch = pytest.importorskip("torch", reason="the extra `learn` is not installed")
@@ -32,6 +32,14 @@ OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
     "joined": (lambda ops, x, y: ops.joined([x, y]), (X, Y)),
     "positive": (lambda ops, x: ops.positive(x), (X,)),
     "positive_up_to": (lambda ops, x, y: ops.positive_up_to(x, y), (X, COLUMN)),
+    "above": (lambda ops, x: ops.above(x), (X,)),
+    "within": (lambda ops, x, y: ops.within(x, y, y + 0.3), (X, Y)),
+    "at_least": (lambda ops, x: ops.at_least(x, 0.2), (X,)),
+    "stacked": (lambda ops, x, y: ops.stacked([x, y]), (X, Y)),
+    "cumulated": (lambda ops, x: ops.cumulated(x), (LAYERS,)),
+    "priced": (lambda ops, x, prices: ops.priced(prices, x), (LAYERS, COLUMN[:3])),
+    "sums": (lambda ops, x, island: ops.sums(x, island, 5), (LAYERS, ISLAND)),
+    "at_islands": (lambda ops, x, island: ops.at_islands(x, island), (LAYERS, ISLAND[[3, 1]])),
     "clipped": (lambda ops, x, y, z: ops.clipped(x, y, z), (X, Y, COLUMN)),
     "scaled_difference": (lambda ops, x, y, z: ops.scaled_difference(x, y, z), (X, COLUMN, Y)),
     "weighted_sum": (lambda ops, *args: ops.weighted_sum(*args), (COLUMN, X, Y, Z, W)),
@@ -40,8 +48,6 @@ OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
         (X, COLUMN, Z),
     ),
     "wide": (lambda ops, x: ops.wide(x, 6), (COLUMN,)),
-    "island_sums": (lambda ops, x, island: ops.island_sums(x, island), (LAYERS, ISLAND)),
-    "at_buses": (lambda ops, x, island: ops.at_buses(x, island), (LAYERS, ISLAND)),
     "index": (lambda ops, x: x[:, ops.index(np.array([4, 1]))], (X,)),
     "beside": (lambda ops, x, y: ops.beside([x, y]), (X, COLUMN)),
     "rows": (lambda ops, x: ops.rows(x, np.array([2, 0, 2])), (X,)),
@@ -50,8 +56,12 @@ OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
 }
 OPERATIONS["wide, as it is"] = (lambda ops, x: ops.wide(x, 6), (X,))
 OPERATIONS["clipped by one"] = (lambda ops, x, y: ops.clipped(x, y), (COLUMN, X))
-OPERATIONS["one bus, summed"] = (OPERATIONS["island_sums"][0], (X[:1], ONE_ISLAND))
-OPERATIONS["one bus, spread"] = (OPERATIONS["at_buses"][0], (X[:1], ONE_ISLAND))
+OPERATIONS["priced by member"] = (OPERATIONS["priced"][0], (LAYERS, X[:3]))
+OPERATIONS["one island, summed"] = (
+    lambda ops, x, island: ops.sums(x, island, 1),
+    (X, np.zeros((4, 6), int)),
+)
+OPERATIONS["one island, spread"] = (OPERATIONS["at_islands"][0], (X[:1], ONE_ISLAND))
 
 
 def on(library: str, values: tuple[np.ndarray, ...]) -> list[Any]:
@@ -86,14 +96,34 @@ def test_gradients_pass_through(name: str) -> None:
 
 
 def test_a_large_matrix_is_sparse_and_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrays, "SPARSE_FROM_ENTRIES", 1)
+    monkeypatch.setattr(torch_ops, "SPARSE_FROM_ENTRIES", 1)
     x = torch.as_tensor(X)
     matrix = array_ops(x).matrix(MATRIX)
     assert matrix.is_sparse
     np.testing.assert_allclose((matrix @ x).numpy(), MATRIX @ X, atol=1e-14)
 
 
-def test_only_numpy_looks_whether_anything_exceeds() -> None:
-    assert not array_ops(X).may_exceed(X, 100.0)
-    assert array_ops(-X).may_exceed(-X, np.abs(X).max() - 1e-9)
-    assert array_ops(torch.as_tensor(X)).may_exceed(torch.as_tensor(X), 100.0)
+@pytest.mark.parametrize("library", ["numpy", "torch"])
+def test_it_is_looked_up_whether_anything_exceeds(library: str) -> None:
+    (x,) = on(library, (X,))
+    ops = array_ops(x)
+    assert not ops.may_exceed(x, np.abs(X).max() + 1e-9)
+    assert ops.may_exceed(x, np.abs(X).max() - 1e-9)
+    assert ops.may_exceed(-x, np.abs(X).max() - 1e-9)
+    assert not ops.may_exceed(x[:0], 0.1)
+
+
+def test_no_device_is_stopped_to_look() -> None:
+    device = torch.device("meta")
+    assert array_ops(torch.empty(3, device=device)).may_exceed(torch.empty(3, device=device), 0.1)
+
+
+def test_the_gradient_of_what_is_above_zero_is_none_and_of_what_is_within_all_on_the_edge() -> None:
+    x = torch.tensor([-0.3, 0.0, 0.4], requires_grad=True)
+    array_ops(x).above(x).sum().backward()
+    assert x.grad is not None
+    assert x.grad.tolist() == [0.0, 0.0, 1.0]
+    y = torch.tensor([-0.3, 0.2, 0.4, 0.9, 1.1], requires_grad=True)
+    array_ops(y).within(y, torch.full((5,), 0.2), torch.full((5,), 0.9)).sum().backward()
+    assert y.grad is not None
+    assert y.grad.tolist() == [0.0, 1.0, 1.0, 1.0, 0.0]

@@ -122,7 +122,7 @@ def test_members_of_different_prices_do_as_if_they_were_alone(
     groups = simulator.priced(seen.data).groups
     assert len(groups) == (2 if recourse == "economic" else 3)
     whole = simulator.step(*seen.all)
-    again = simulator.step(*seen.all, simulator.priced(seen.data))
+    again = simulator.step_ready(*seen.all[:2], simulator.ready(*seen.all[2:]))
     for k in range(60):
         one = simulator.step(*seen.of(k))
         for step in (whole, again):

@@ -1,0 +1,199 @@
+r"""Closing every island of a batch: recourse, what it costs, and cutting storage back.
+
+Without blocks a step needs no source on its own. Drawing cheapest first, an island spends
+
+$$ \sum_k (c_k - c_{k-1}) \max\Big(0, n - \sum_{j<k} r_j\Big) $$
+
+for a need $n$ up to the room $r$ of all its tiers together, with $c$ their prices; that is one
+operation for all tiers, and what every source gives is worked out when it is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
+from resilience.models.simulator.constants import Matrix
+from resilience.models.simulator.merit import fill
+from resilience.models.simulator.paper import paper_fill
+from resilience.models.simulator.prices import Way
+from resilience.tolerances import POWER_TOLERANCE_MW
+
+
+class Closed(NamedTuple):
+    """What closing every island by one order leads to.
+
+    Attributes:
+        cost, charge, discharge, spill: as in `Step`; storage is priced last.
+        flows: what works out the power of every source.
+    """
+
+    cost: Array
+    charge: Array
+    discharge: Array
+    spill: Array
+    flows: Callable[[], Array]
+
+    def deviation(self, request: Array) -> Array:
+        """(batch,) MW by which it differs from the charging and discharging requested."""
+        net = self.charge - self.discharge
+        return self.spill.sum(0) + abs(net - (request[0] - request[1])).sum(0)
+
+
+@dataclass(frozen=True)
+class ReadyOrder:
+    """One order of a slot, ready for whatever storage does.
+
+    Attributes:
+        way: the order and its prices.
+        need: (buses, batch) MW missing in every island without storage, all sources lowest.
+        room: (tiers, buses, batch) MW that each tier can give there.
+        drawn_before: (tiers + 1, buses, batch) MW of all tiers before one, last of all together.
+        data, island: of the slot.
+        load: (buses, batch) demand of the islands where the paper's equations close them, MW.
+    """
+
+    way: Way
+    need: Array
+    room: Array
+    drawn_before: Array
+    data: Array
+    island: Array
+    load: Array | None
+
+    @classmethod
+    def of_slot(cls, way: Way, data: Array, island: Array, demand: Array | None) -> ReadyOrder:
+        """Sums everything up island by island, storage aside.
+
+        Args:
+            way: the order and its prices.
+            data: (n_data, batch) or (n_data, 1).
+            island: (buses, batch) number of the island of every bus.
+            demand: (buses, batch) MW, where the paper's equations close islands.
+        """
+        ops, order = array_ops(data), way.order
+        values = ops.wide(order.map(ops, data), island.shape[-1])
+        sums = ops.sums(values.reshape(order.tiers + 1, *island.shape), island, len(island))
+        need, room = sums[0], sums[1:]
+        load = None if demand is None else ops.sums(demand, island, len(island))
+        return cls(way, need, room, ops.cumulated(room), data, island, load)
+
+    def closed(self, request: Array, units: Array) -> Closed:
+        """Every island closed, storage doing what is requested or less.
+
+        Args:
+            request: (2, units, batch) MW of charging and discharging.
+            units: (units, batch) number of the island of every unit.
+        """
+        ops = array_ops(request)
+        charge, discharge = request
+        n = len(self.need)
+        need = self.need + ops.sums(charge - discharge, units, n)
+        cost, missing = self._spent(ops, need)
+        spill = missing[1]
+        if ops.may_exceed(missing, POWER_TOLERANCE_MW):
+            total = ops.sums(request, units, n)
+            cut = ops.positive_up_to(missing, total)
+            share = cut / ops.at_least(total, POWER_TOLERANCE_MW)
+            charge, discharge = request * (1.0 - ops.at_islands(share, units))
+            spill = spill - cut[1]
+        return Closed(cost, charge, discharge, spill, partial(self._flows, ops, need))
+
+    def _spent(self, ops: ArrayOps, need: Array) -> tuple[Array, Array]:
+        """(batch,) $ of all sources, and (2, buses, batch) MW that nothing gives, that nothing
+        takes.
+        """
+        way, order = self.way, self.way.order
+        if self.load is None and not order.block.any():
+            missing = ops.above(ops.stacked([need - self.drawn_before[-1], -need]))
+            above = ops.positive(need - missing[0] - self.drawn_before[:-1])
+            return way.lowest_cost + ops.priced(way.steps, above), missing
+        drawn, unmet = self._drawn(ops, need)
+        missing = ops.above(ops.stacked([unmet, -unmet]))
+        if self.load is None:
+            return way.lowest_cost + ops.priced(way.value, ops.stacked(drawn)), missing
+        moved = self._flows(ops, need) - order.lowest(ops, self.data)
+        assert way.prices is not None
+        return way.lowest_cost + (way.prices.as_matrix(ops) @ moved)[0], missing
+
+    def _drawn(self, ops: ArrayOps, need: Array) -> tuple[list[Array], Array]:
+        if self.load is None:
+            return fill(ops, self.way.order, need, self.room)
+        return paper_fill(ops, need, self.room, self.load)
+
+    def _flows(self, ops: ArrayOps, need: Array) -> Array:
+        drawn, _ = self._drawn(ops, need)
+        return self.way.order.flows(ops, drawn, self.room, self.data, self.island)
+
+
+@dataclass(frozen=True)
+class ReadyGroup:
+    """Members whose sources are taken in the same order, ready for whatever storage does.
+
+    Attributes:
+        members: (members,) which they are; None: all of them.
+        storage: (1, units) $ per MW of charging and of discharging; None where all are 0.
+        units: (units, members) number of the island of every unit.
+        orders: the order, or one per way to close connections, see `modes`.
+    """
+
+    members: Array | None
+    storage: tuple[Matrix | None, Matrix | None]
+    units: Array
+    orders: tuple[ReadyOrder, ...]
+
+    def closed(self, request: Array) -> Closed:
+        """Every island closed in the way that is nearest to the request, storage priced."""
+        ops = array_ops(request)
+        closed, *others = [recourse.closed(request, self.units) for recourse in self.orders]
+        if others:
+            closed = _nearest(ops, request, closed, others)
+        cost = closed.cost
+        for price, power in zip(self.storage, (closed.charge, closed.discharge), strict=True):
+            if price is not None:
+                cost = cost + (price.as_matrix(ops) @ power)[0]
+        return closed._replace(cost=cost)
+
+
+def _nearest(
+    ops: ArrayOps, request: Array, first: Closed, alternatives: Sequence[Closed]
+) -> Closed:
+    """Per member the one that is nearest to the request, and of equally near ones the cheapest."""
+    best, deviation = first, first.deviation(request)
+    for candidate in alternatives:
+        its_deviation = candidate.deviation(request)
+        nearer = its_deviation < deviation - POWER_TOLERANCE_MW
+        as_near = its_deviation <= deviation + POWER_TOLERANCE_MW
+        better = nearer | (as_near & (candidate.cost < best.cost))
+        best = Closed(
+            cost=ops.where(better, candidate.cost, best.cost),
+            charge=ops.where(better, candidate.charge, best.charge),
+            discharge=ops.where(better, candidate.discharge, best.discharge),
+            spill=ops.where(better, candidate.spill, best.spill),
+            flows=partial(_either, ops, better, candidate.flows, best.flows),
+        )
+        deviation = ops.where(better, its_deviation, deviation)
+    return best
+
+
+def side_by_side(ops: ArrayOps, parts: Sequence[Closed], place: Array) -> Closed:
+    """Groups joined, every member in its place."""
+
+    def joined(arrays: Iterable[Array]) -> Array:
+        return ops.beside(list(arrays))[..., place]
+
+    cost, charge, discharge, spill, flows = zip(*parts, strict=True)
+    return Closed(
+        joined(cost),
+        joined(charge),
+        joined(discharge),
+        joined(spill),
+        lambda: joined(work_out() for work_out in flows),
+    )
+
+
+def _either(ops: ArrayOps, first: Array, x: Callable[[], Array], y: Callable[[], Array]) -> Array:
+    return ops.where(first, x(), y())
