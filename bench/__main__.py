@@ -21,6 +21,7 @@ from bench.ground import ground
 from bench.growth import growing
 from bench.hazard import hazards
 from bench.judging import judging
+from bench.learning import learning
 from bench.linear import building, resolving
 from bench.peer import peers
 from bench.plans import day, help_text, main_job
@@ -43,6 +44,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "peer": peers,
     "dispatch": deciding,
     "ground": ground,
+    "learning": learning,
     "sddp": training,
     "judging": judging,
     "quality": quality,

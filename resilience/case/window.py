@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import cached_property
 from math import ceil, floor
 
 from resilience.tolerances import SLOT_TOLERANCE
@@ -36,12 +37,12 @@ class Window:
         """Whether a time of day alone does not name a slot."""
         return self.slots * self.step_min > DAY_MIN
 
-    @property
+    @cached_property
     def slots_per_day(self) -> int:
         """Slots from midnight to midnight, rounded; 1 where a slot is longer than a day."""
         return max(round(DAY_MIN / self.step_min), 1)
 
-    @property
+    @cached_property
     def slots_before_start(self) -> int:
         """Slots from midnight to the start of the horizon, rounded."""
         start = self.start.hour * 60 + self.start.minute + self.start.second / 60

@@ -118,7 +118,7 @@ class ReplayLearner(ABC):
         """A network that learns at a rate, with its target."""
         self.networks[name] = network.to(self.env.device)
         self.targets[name] = deepcopy(self.networks[name]).requires_grad_(False)
-        self.optimisers[name] = torch.optim.Adam(network.parameters(), rate)
+        self.optimisers[name] = torch.optim.Adam(network.parameters(), rate, fused=True)
 
     @abstractmethod
     def starts(self, rng: np.random.Generator) -> torch.Tensor:

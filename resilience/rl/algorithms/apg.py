@@ -64,7 +64,9 @@ class Apg:
         generator = torch.Generator().manual_seed(seed)
         self.actor = Actor(env.size, env.units, settings.hidden, generator).to(env.device)
         self.averaged = Average(self.actor, settings.average)
-        self.optimiser = torch.optim.Adam(self.actor.parameters(), settings.learning_rate)
+        self.optimiser = torch.optim.Adam(
+            self.actor.parameters(), settings.learning_rate, fused=True
+        )
         self.ends = env.start(settings.batch)
 
     def iterate(self, progress: Progress) -> dict[str, float]:

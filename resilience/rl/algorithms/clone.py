@@ -86,7 +86,9 @@ class Clone:
         generator = torch.Generator().manual_seed(seed)
         self.actor = network(self.network(), env.size, env.units, generator).to(env.device)
         self.averaged = Average(self.actor, settings.average)
-        self.optimiser = torch.optim.Adam(self.actor.parameters(), settings.learning_rate)
+        self.optimiser = torch.optim.Adam(
+            self.actor.parameters(), settings.learning_rate, fused=True
+        )
         # Outputs of the replay are the teacher's MW here.
         self.replay = ReplayRing(env, settings.rounds, settings.environments)
         self.rounds, self.ends = 0, env.start(settings.environments)

@@ -133,8 +133,8 @@ class Mappo:
         self.critic = mlp([env.size, *settings.hidden, 1], generator).to(env.device)
         acting = [*self.actor.parameters(), *self.spread.parameters()]
         self.optimisers = {
-            "actor": torch.optim.Adam(acting, settings.actor_rate),
-            "critic": torch.optim.Adam(self.critic.parameters(), settings.critic_rate),
+            "actor": torch.optim.Adam(acting, settings.actor_rate, fused=True),
+            "critic": torch.optim.Adam(self.critic.parameters(), settings.critic_rate, fused=True),
         }
         self.rounds, self.ends = 0, env.start(settings.environments)
 
