@@ -23,6 +23,7 @@ from resilience.dispatch.memory import Memory
 from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.setting import Setting
 
+Terms = list[tuple[int, int, float]]
 HOURS_EXACT = 2.0  # ahead in which every slot is observed; beyond, every hour
 HOURS_AHEAD = 12.0
 REFERENCE_H = 4.0  # a line's outage of this length is 1
@@ -99,8 +100,12 @@ class Observer:
         for bus, name, mw in terms:
             (supply if mw > 0 else demand)[bus, self.names.index(name)] += abs(mw)
         self._buses = np.flatnonzero(demand.sum(1) + supply.sum(1))
-        self._demand, self._supply = demand[self._buses], supply[self._buses]
-        self._largest = np.maximum(self._demand.sum(1), self._supply.sum(1))
+        demand, supply = demand[self._buses], supply[self._buses]
+        self._largest = np.maximum(demand.sum(1), supply.sum(1))
+        self._demand, self._supply = (
+            [(row, column, float(mw[row, column])) for row, column in np.argwhere(mw).tolist()]
+            for mw in (demand, supply)
+        )
         every = dict.fromkeys(name for fleet in fleets for name in fleet.profiles())
         self.prices = tuple(n for n in every if n is not None and n not in self.names)
 
@@ -226,7 +231,8 @@ class Observer:
         """What is forecast of some slots."""
         profiles = [forecast(name, slots) for name in self.names]
         shape = len(slots), self.setting.n
-        demand, weather = (_weighted(m, profiles, shape) for m in (self._demand, self._supply))
+        both = (self._demand, self._supply)
+        demand, weather = (_weighted(t, profiles, (len(self._buses), *shape)) for t in both)
         demand_pu, weather_pu, net_pu = np.empty((3, *demand.shape), np.float32)
         np.multiply(demand, self._per_mw, out=demand_pu, casting="same_kind")
         np.multiply(weather, self._per_mw, out=weather_pu, casting="same_kind")
@@ -255,14 +261,18 @@ def digest_of_blocks(blocks: Sequence[ObservationBlock]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _weighted(matrix: Floats, profiles: list[Floats], shape: tuple[int, int]) -> Floats:
-    """(slots, rows, batch) sums of profiles of the shape (slots, batch), term by term: the bits of
-    a product would depend on the size of the batch.
+def _weighted(terms: Terms, profiles: list[Floats], shape: tuple[int, int, int]) -> Floats:
+    """(slots, rows, batch) sums of profiles (slots, batch), term by term: the bits of a product
+    would depend on the size of the batch.
+
+    Args:
+        terms: as (row, number of the profile, MW).
+        profiles: by number.
+        shape: rows, slots, batch.
     """
-    slots, batch = shape
-    total = np.zeros((len(matrix), slots, batch))
-    for row, column in np.argwhere(matrix):
-        total[row] += matrix[row, column] * profiles[column]
+    total = np.zeros(shape)
+    for row, column, mw in terms:
+        total[row] += mw * profiles[column]
     return total.swapaxes(0, 1)
 
 

@@ -85,6 +85,9 @@ class ArrayOps(Protocol):
         (tiers, 1).
         """
 
+    def priced_above(self, prices: Array, x: Array, levels: Array) -> Array:
+        """(batch,) sums of max(x - levels, 0), x (buses, batch) and levels as the x of `priced`."""
+
     def sums(self, x: Array, island: Array, n: int) -> Array:
         """(..., n, batch) sums of the rows of x (..., rows, batch) over islands, of which `island`
         (rows, batch) has the numbers, below n.

@@ -37,7 +37,7 @@ class Closed(NamedTuple):
     spill: Array
     flows: Callable[[], Array]
 
-    def deviation(self, request: Array) -> Array:
+    def deviation(self, request: tuple[Array, Array]) -> Array:
         """(batch,) MW by which it differs from the charging and discharging requested."""
         net = self.charge - self.discharge
         return self.spill.sum(0) + abs(net - (request[0] - request[1])).sum(0)
@@ -81,24 +81,24 @@ class ReadyOrder:
         load = None if demand is None else ops.sums(demand, island, len(island))
         return cls(way, need, room, ops.cumulated(room), data, island, load)
 
-    def closed(self, request: Array, units: Array) -> Closed:
+    def closed(self, request: tuple[Array, Array], units: Array) -> Closed:
         """Every island closed, storage doing what is requested or less.
 
         Args:
-            request: (2, units, batch) MW of charging and discharging.
+            request: (units, batch) MW of charging and of discharging.
             units: (units, batch) number of the island of every unit.
         """
-        ops = array_ops(request)
         charge, discharge = request
-        n = len(self.need)
+        ops, n = array_ops(charge), len(self.need)
         need = self.need + ops.sums(charge - discharge, units, n)
         cost, missing = self._spent(ops, need)
         spill = missing[1]
         if ops.may_exceed(missing, POWER_TOLERANCE_MW):
-            total = ops.sums(request, units, n)
+            moved = ops.stacked(request)
+            total = ops.sums(moved, units, n)
             cut = ops.positive_up_to(missing, total)
             share = cut / ops.at_least(total, POWER_TOLERANCE_MW)
-            charge, discharge = request * (1.0 - ops.at_islands(share, units))
+            charge, discharge = moved * (1.0 - ops.at_islands(share, units))
             spill = spill - cut[1]
         return Closed(cost, charge, discharge, spill, partial(self._flows, ops, need))
 
@@ -109,8 +109,9 @@ class ReadyOrder:
         way, order = self.way, self.way.order
         if self.load is None and not order.block.any():
             missing = ops.above(ops.stacked([need - self.drawn_before[-1], -need]))
-            above = ops.positive(need - missing[0] - self.drawn_before[:-1])
-            return way.lowest_cost + ops.priced(way.steps, above), missing
+            supply = need - missing[0]
+            spent = ops.priced_above(way.steps, supply, self.drawn_before[:-1])
+            return way.lowest_cost + spent, missing
         drawn, unmet = self._drawn(ops, need)
         missing = ops.above(ops.stacked([unmet, -unmet]))
         if self.load is None:
@@ -145,9 +146,9 @@ class ReadyGroup:
     units: Array
     orders: tuple[ReadyOrder, ...]
 
-    def closed(self, request: Array) -> Closed:
+    def closed(self, request: tuple[Array, Array]) -> Closed:
         """Every island closed in the way that is nearest to the request, storage priced."""
-        ops = array_ops(request)
+        ops = array_ops(request[0])
         closed, *others = [recourse.closed(request, self.units) for recourse in self.orders]
         if others:
             closed = _nearest(ops, request, closed, others)
@@ -159,7 +160,7 @@ class ReadyGroup:
 
 
 def _nearest(
-    ops: ArrayOps, request: Array, first: Closed, alternatives: Sequence[Closed]
+    ops: ArrayOps, request: tuple[Array, Array], first: Closed, alternatives: Sequence[Closed]
 ) -> Closed:
     """Per member the one that is nearest to the request, and of equally near ones the cheapest."""
     best, deviation = first, first.deviation(request)

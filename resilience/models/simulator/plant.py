@@ -72,7 +72,7 @@ class Plant:
         sign: (columns, 1) 1 where a source feeds its bus, -1 where it takes.
         n_buses: number of buses.
         demand: map from data to (buses, batch) MW.
-        power_max: maps from data to (units, batch) MW, of charging and of discharging.
+        power_max: map from data to (2 · units, batch) MW, of charging above those of discharging.
         price: map from data to (columns, batch) $ per MW and step.
         storage_price: maps from data to (units, batch) $ per MW and step, likewise for both.
         stored: columns of the form in which charging and discharging stand, (units,) each.
@@ -122,7 +122,7 @@ class Plant:
             (lower, _), (upper, _) = self.form.lower_bounds, self.form.upper_bounds
             self.low, self.high = lower[variables][:, None], upper[variables][:, None]
             self.stored = columns[0], columns[1]
-        self.power_max = [self.bound("upper", columns) for columns in self.stored]
+        self.power_max = self.bound("upper", np.concatenate(self.stored))
         self.storage_price = [self._priced(columns) for columns in self.stored]
         self._gain, self._negative_drain = Constant(self.gain), Constant(-self.drain)
         self._edges = Constant(np.array([self.high, self.low]))
@@ -196,7 +196,8 @@ class Plant:
 
     def power_limits(self, ops: ArrayOps, data: Array, batch: int) -> Array:
         """(2, units, batch) MW that units can charge and discharge with, whatever they hold."""
-        return ops.stacked([ops.wide(limit(ops, data), batch) for limit in self.power_max])
+        limits = ops.wide(self.power_max(ops, data), batch)
+        return limits.reshape(2, len(self.units), batch)
 
     def storage_slot(self, data: Array, island: Array) -> StorageSlot:
         """What a slot is to storage.

@@ -185,11 +185,14 @@ class Simulator(Plant):
     def step_ready(self, energy: Array, action: Array, slot: ReadySlot) -> Step:
         """One step of a slot that is ready; see `step`."""
         ops = array_ops(energy)
-        request = ops.stacked(self.masked_action(ops, energy, action, slot.storage.power_limits))
+        request = self.masked_action(ops, energy, action, slot.storage.power_limits)
         if slot.place is None:
             closed = slot.groups[0].closed(request)
         else:
-            parts = [group.closed(request[..., group.members]) for group in slot.groups]
+            parts = [
+                group.closed((request[0][:, group.members], request[1][:, group.members]))
+                for group in slot.groups
+            ]
             closed = side_by_side(ops, parts, slot.place)
         cost, charge, discharge, spill, flows = closed
         return Step(self.after(energy, charge, discharge), cost, charge, discharge, spill, flows)

@@ -153,6 +153,11 @@ class TorchOps:
         return (prices[:, None] * x).sum((0, 1))
 
     @staticmethod
+    def priced_above(prices: torch.Tensor, x: torch.Tensor, levels: torch.Tensor) -> torch.Tensor:
+        """(batch,) sums of what x is above levels."""
+        return (prices[:, None] * (x - levels).clamp(min=0.0)).sum((0, 1))
+
+    @staticmethod
     def sums(x: torch.Tensor, island: torch.Tensor, n: int) -> torch.Tensor:
         """(..., n, batch) sums of the rows of x over islands."""
         if n == 1:

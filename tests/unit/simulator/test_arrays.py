@@ -38,6 +38,10 @@ OPERATIONS: dict[str, tuple[Operation, tuple[np.ndarray, ...]]] = {
     "stacked": (lambda ops, x, y: ops.stacked([x, y]), (X, Y)),
     "cumulated": (lambda ops, x: ops.cumulated(x), (LAYERS,)),
     "priced": (lambda ops, x, prices: ops.priced(prices, x), (LAYERS, COLUMN[:3])),
+    "priced_above": (
+        lambda ops, x, prices, levels: ops.priced_above(prices, x, levels),
+        (X, COLUMN[:3], LAYERS),
+    ),
     "sums": (lambda ops, x, island: ops.sums(x, island, 5), (LAYERS, ISLAND)),
     "at_islands": (lambda ops, x, island: ops.at_islands(x, island), (LAYERS, ISLAND[[3, 1]])),
     "clipped": (lambda ops, x, y, z: ops.clipped(x, y, z), (X, Y, COLUMN)),
