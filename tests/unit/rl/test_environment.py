@@ -100,3 +100,24 @@ def test_an_agent_pays_for_the_system_and_for_the_wear_of_its_own_unit() -> None
         expected = -(step.cost.numpy() - wear.sum(0) + wear - left)
         given = env.agent_rewards(tape, t, step, zero).numpy()
         np.testing.assert_allclose(given, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("band", ["anchors", "affine"])
+def test_a_slot_played_without_a_gradient_is_the_same(band: str) -> None:
+    """The one is in NumPy, the other in torch."""
+    env, rng = ground(band), np.random.default_rng(17)
+    tape, energy = env.draw(6, 3), any_start(env, 6)
+    assert not tape.episodes.line_up.all()
+    for t in range(tape.slots):
+        output = env.tensor(rng.uniform(-1.0, 1.0, (6, env.units)))
+        step = env.step(tape, t, energy, output.requires_grad_())
+        assert step.cost.requires_grad
+        with torch.no_grad():
+            plain = env.step(tape, t, energy, output)
+            asked = env.power(tape, t, energy, output)
+            again = env.played(tape, t, energy, asked)
+        for name in ("energy", "cost", "charge", "discharge", "spill", "flows"):
+            found = getattr(step, name).detach()
+            for in_numpy in (plain, again):
+                torch.testing.assert_close(getattr(in_numpy, name), found, rtol=0.0, atol=1e-12)
+        energy = plain.energy
