@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from resilience.case import Case
-from resilience.models.case_program import as_switched
+from resilience.models.backends.highs import Highs
+from resilience.models.backends.lower import lower
+from resilience.models.case_program import as_switched, horizon
 from resilience.models.microgrid import Physics
 from resilience.testing import small_case
 from tests.known.solving import solved
@@ -161,3 +163,68 @@ def test_power_that_must_be_taken_is_spilled_in_the_dark(
     fed = np.array(sun) * alive
     assert alive.sum() == 3 - round(cost / 40.0)
     assert found["pv.p"][0] == pytest.approx(fed, abs=1e-6)
+
+
+@pytest.mark.parametrize(("q_min", "q_max", "needed"), [(0.7, 0.9, 0.437), (-0.9, -0.5, 0.763)])
+def test_an_inverter_has_all_the_reactive_power_of_its_rating(
+    q_min: float, q_max: float, needed: float
+) -> None:
+    """The load takes 0.8 tan(acos 0.95) = 0.263 Mvar; while it runs, the diesel gives at least 0.7
+    or takes 0.5. The others are the storage's, which is too empty to form and has 0.2 MW only.
+    """
+    case = small_case(
+        slots=3,
+        buses=2,
+        lines=[(1, 2, 0.011, 0.013)],
+        outages=["1-2@01:00-03:00"],
+        load=[{"bus": "2", "p_max_mw": 0.8, "shed_cost_per_mwh": 500.0, "power_factor": 0.95}],
+        grid=[GRID],
+        generator=[DIESEL | {"q_min_mvar": q_min, "q_max_mvar": q_max}],
+        ess=[{"bus": "2", "p_max_mw": 0.2, "e_mwh": 2.5, "s_mva": 0.9, "soc_min": 0.3}
+             | {"soc_initial": 0.3}],
+    )  # fmt: skip
+    found = solved(case, "milp")
+    # It stands still where the grid is there.
+    assert found["generator.on"][0] == pytest.approx([0, 1, 1])
+    assert found.objective == pytest.approx(0.8 * 20.0 + 2 * (40.0 + 0.8 * 7.0))
+    diesel, storage = found["generator.q"][0], found["ess.q"][0]
+    assert diesel[0] == pytest.approx(0.0, abs=1e-9)
+    assert (diesel + storage)[1:] == pytest.approx([0.26295, 0.26295], abs=1e-5)
+    assert (np.abs(storage[1:]) > needed - 1e-3).all()
+
+
+def test_a_line_that_is_up_leaves_no_part_of_an_island_dark() -> None:
+    """Beside a switchable line, too. The sun of bus 4, 1.3 MW that nobody can turn down, is too
+    much for the load of bus 2: while the grid is away, the diesel may not run without it.
+    """
+    case = small_case(
+        slots=3,
+        buses=4,
+        lines=[(1, 2, 0.011, 0.013), (2, 3, 0.017, 0.019), (4, 3, 0.012, 0.014)],
+        line_tables=[
+            {"name": "2-3", "switchable": True},
+            {"name": "4-3", "breakpoint": True},
+        ],
+        outages=["1-2@01:00-03:00"],
+        profiles={"sun": [0.3, 1.0, 1.0]},
+        load=[{"bus": "2", "p_max_mw": 0.8, "shed_cost_per_mwh": 500.0}],
+        grid=[GRID],
+        generator=[DIESEL | {"bus": "3", "q_min_mvar": -0.7, "q_max_mvar": 0.9}],
+        pv=[{"bus": "4", "p_max_mw": 1.3, "profile": "sun", "curtailable": False}],
+    )
+    found = solved(case, "milp")
+    assert found.objective == pytest.approx((0.8 - 0.3 * 1.3) * 20.0 + 2 * 0.8 * 500.0)
+    assert found["pv.p"][0] == pytest.approx([0.39, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("lack_mwh", "status"), [(1e-6, "optimal"), (1.5e-6, "infeasible")])
+def test_a_rounding_below_the_lowest_energy_leaves_a_program_its_solution(
+    lack_mwh: float, status: str
+) -> None:
+    """Half a millionth of the capacity of 2.5 MWh is 1.25e-6 MWh."""
+    storage = {"bus": "2", "p_max_mw": 0.6, "e_mwh": 2.5, "soc_min": 0.3, "soc_initial": 0.3}
+    program = horizon(cut_off(ess=[storage]), "copperplate")
+    solver = Highs(lower(program.standard, integer="none", modes={}))
+    start = {"ess.energy": np.array([0.3 * 2.5 - lack_mwh])}
+    solver.update(program.standard.vectors(program.data, start))
+    assert solver.solve().status == status

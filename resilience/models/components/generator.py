@@ -24,7 +24,7 @@ no-load cost, start cost and minimum times there is no binary.
 | symbol | name | unit |
 |---|---|---|
 | $p, p^-$ | `generator.p` now and in the step before | MW |
-| $q$ | `generator.q` between `q_min_mvar` and `q_max_mvar` | Mvar |
+| $q$ | `generator.q` between `q_min_mvar` and `q_max_mvar`, 0 where it stands still | Mvar |
 | $u, u^-$ | `generator.on`, running, and in the step before | 1 |
 | $y, w$ | `generator.start`, `generator.stop` | 1 |
 | $r$ | `generator.up_left`, `generator.down_left` | h |
@@ -262,10 +262,14 @@ class Generators(DeviceFleet):
         """Limits, zero in a dead island, and where what ran before binds."""
         alive = situation.alive_at(self.bus)
         p_max = self._array("p_max_mw")[:, None]
+        q_min, q_max = self._array("q_min_mvar"), self._array("q_max_mvar")
+        # A unit that stands still has none; the rows of those that may hold them to their limits.
+        q_min[self.committed] = np.minimum(q_min[self.committed], 0.0)
+        q_max[self.committed] = np.maximum(q_max[self.committed], 0.0)
         return {
             "generator.p_max": p_max * alive,
-            "generator.q_min": self._array("q_min_mvar")[:, None] * alive,
-            "generator.q_max": self._array("q_max_mvar")[:, None] * alive,
+            "generator.q_min": q_min[:, None] * alive,
+            "generator.q_max": q_max[:, None] * alive,
             "generator.alive": alive[self.committed],
             "generator.bound": alive * ~situation.outage_begins[self.bus],
         }
