@@ -67,6 +67,12 @@ def test_beyond_a_day_times_may_name_their_day():
     assert parse_outages("6-26@14:00-17:30", week) == (Outage("6-26", 56, 70),)
 
 
+def test_midnight_is_24_00_of_the_day_that_ends():
+    week = horizon(slots=7 * 96).window
+    texts = outage_texts([Outage("6-26", 150, 192), Outage("1-2", 190, 193)], week)
+    assert texts == ["6-26@d2 13:30-d2 24:00", "1-2@d2 23:30-d3 00:15"]
+
+
 def test_several_outages_in_one_text():
     expected = (Outage("6-26", 56, 70), Outage("1-2", 0, 1))
     assert parse_outages("6-26@14:00-17:30, 1-2@00:00-00:15", horizon()) == expected

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from resilience.fragility.beliefs.belief import BellBelief
 from resilience.fragility.beliefs.conditional import (
     DayDraw,
     LineHistory,
@@ -159,6 +160,15 @@ def test_the_same_draws_move_a_failure_later_as_time_goes_by() -> None:
     still_up = first > 48
     assert 5 < still_up.sum() < 45
     assert (later[still_up] >= first[still_up]).all()
+
+
+def test_what_is_expected_to_be_left_ends_at_midnight() -> None:
+    """Since slots 83 and 70: 13 slots of 11 to 14, and 1 of 0 and 1; slot 95 is the last."""
+    belief = BellBelief(Bell(), DAY, 3)
+    for t, left in ((83, 12), (80, 13)):
+        since = np.array([t, -1, t - 13])
+        history = LineHistory(t, 60, since, since >= 0)
+        assert belief.expected_left(history).tolist() == [left, 0, 1]
 
 
 def test_the_mean_of_what_is_left() -> None:

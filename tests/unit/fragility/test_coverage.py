@@ -13,7 +13,9 @@ from resilience.case import Case
 from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, UsageError
-from resilience.fragility.chain import case_track, storm
+from resilience.fragility.chain import case_track, slot_times, storm
+from resilience.fragility.coverage import check_overlap
+from resilience.fragility.lines.geography import geography
 from resilience.fragility.tracks import Track
 
 
@@ -54,6 +56,20 @@ def test_the_day_on_which_a_storm_is_nearest_is_named(koinu: Case) -> None:
         storm(koinu, later)
     assert f"day = {nearest}" in caught.value.hint
     assert "laid_on" in caught.value.hint
+
+
+def test_a_moment_in_common_is_enough_and_times_are_utc_of_the_storm(koinu: Case) -> None:
+    """The case's times are 8 h ahead of UTC."""
+    track, times, place = case_track(koinu), slot_times(koinu), geography(koinu)
+    ended = replace(track, time=track.time + (times[0] - track.time[-1]))
+    check_overlap(koinu, ended, place, times)
+    begun = replace(track, time=track.time + (times[-1] - track.time[0]))
+    check_overlap(koinu, begun, place, times)
+    short = np.timedelta64(1, "s")
+    with pytest.raises(UsageError, match="2023-10-04 04:00 to 2023-10-06 04:00 UTC of the storm"):
+        check_overlap(koinu, replace(ended, time=ended.time - short), place, times)
+    with pytest.raises(UsageError, match="misses the horizon"):
+        check_overlap(koinu, replace(begun, time=begun.time + short), place, times)
 
 
 def test_hours_that_the_law_of_repair_cannot_have_are_listed_with_the_rest(koinu: Case) -> None:

@@ -12,6 +12,7 @@ from resilience.case import Case
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.case.schema import GeographyTable
+from resilience.errors import CaseError
 from resilience.fragility.lines.geography import Geography, geography
 
 ANCHOR = GeographyTable(synthetic=True, anchor_lat_deg=22.0, anchor_lon_deg=120.74)
@@ -110,3 +111,8 @@ def test_lengths_are_those_of_the_ellipsoid() -> None:
     assert east.length_km[0] == pytest.approx(111.320, abs=2e-3)
     assert east.span_bearing_deg[0] == pytest.approx(90.0, abs=1e-6)
     assert not east.synthetic
+
+
+def test_a_feeder_that_stands_nowhere_has_no_geography() -> None:
+    with pytest.raises(CaseError, match="33 of 33 buses without coordinates"):
+        geography(rs.load_case("ieee33"))

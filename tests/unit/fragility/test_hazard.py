@@ -51,6 +51,21 @@ def test_the_summary_is_the_tables_and_names_what_is_made_up(found: Hazard, tmp_
     }  # fmt: skip
 
 
+def test_the_likeliest_slot_is_that_in_which_most_failures_begin(
+    found: Hazard, tmp_path: Path
+) -> None:
+    """From the hazard of every slot: the chance to fail in it times that to stand until then."""
+    folder = found.save(tmp_path / "out")
+    with (folder / "hazard.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    case = found.storm.case
+    for line in found.lines:
+        hazard_of = np.array([float(row[line["line"]]) for row in rows])
+        begins = hazard_of * np.append(1.0, np.cumprod(1.0 - hazard_of)[:-1])
+        assert begins.max() > 0.0
+        assert line["likeliest"] == case.slot_label(int(begins.argmax()))
+
+
 def test_buses_farther_out_are_cut_off_more_often(found: Hazard) -> None:
     """On a radial feeder a bus is apart whenever the one before it is."""
     network = found.storm.case.network

@@ -186,6 +186,12 @@ def test_outages_of_a_plan() -> None:
         outages_from("none", CASE, 1)
 
 
+def test_a_draw_without_a_seed_is_that_of_seed_0() -> None:
+    drawn = outages_from("bell", CASE)
+    assert drawn == sample_outages(CASE, Bell(), 0)
+    assert drawn != sample_outages(CASE, Bell(), 1)
+
+
 def one_scenario(seed: int) -> Scenarios:
     return sample_bell(CASE, Bell(), 1, seed)
 

@@ -150,6 +150,17 @@ def test_plain_csv(tmp_path: Path) -> None:
     assert track.filled["vmax_mps"] == "1 of 2: regression on the pressure"
 
 
+def test_eight_storms_of_a_file_are_named_and_the_others_counted(tmp_path: Path) -> None:
+    rows = [f"s{k},2014-07-18T{k:02}:00,20,115,40" for k in range(11)]
+    path = written(tmp_path, "\n".join(["storm,time,lat,lon,vmax_mps", *rows]))
+    listing = "s0, s1, s2, s3, s4, s5, s6, s7 and 3 more; allowed: one"
+    with pytest.raises(UsageError, match=f"has 11 storms: {listing}"):
+        read_track(path, averaging_s=600)
+    path = written(tmp_path, "\n".join(["storm,time,lat,lon,vmax_mps", *rows[:8]]))
+    with pytest.raises(UsageError, match=r"has 8 storms: s0, .*, s7; allowed: one"):
+        read_track(path, averaging_s=600)
+
+
 def test_a_longitude_of_minus_99_is_a_place(tmp_path: Path) -> None:
     text = "time,lat,lon,vmax_mps\n2020-01-01,28,-98,40\n2020-01-01T06:00,28,-99,-999\n"
     track = read_track(written(tmp_path, text + "2020-01-01T12:00,28,-100,30\n"), averaging_s=60)

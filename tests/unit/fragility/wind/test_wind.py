@@ -93,6 +93,14 @@ def test_a_stationary_storm_is_round(model: str) -> None:
     np.testing.assert_allclose(np.cos(np.radians(turned)), 1.0, atol=1e-12)
 
 
+def test_directions_go_round_once() -> None:
+    """North of east of the eye it blows a little to the west of north, south of it to the east."""
+    azimuth = np.array([89.4, 90.6])
+    lat, lon = around((20.0, 115.0), 60_000.0, azimuth)
+    found = wind(cyclone(), lat, lon, model="holland1980").direction_deg[:, 2]
+    np.testing.assert_allclose(found, [359.4, 0.6], atol=1e-9)
+
+
 def test_motion_adds_on_the_right_and_takes_away_on_the_left() -> None:
     """Northwards at 6 m/s: 50 m/s on the right at R, which contains the motion, 38 on the left."""
     speed = 6.0
