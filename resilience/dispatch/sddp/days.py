@@ -123,8 +123,6 @@ def fitted_climate(days: Days, outcomes: int) -> Climate:
     order = np.argsort(residual_mw, axis=0, kind="stable")
     noise = np.ones((outcomes, *days.values.shape[1:]))
     for factor, chosen in zip(noise, np.array_split(order, outcomes), strict=True):
-        if not len(chosen):
-            continue
         group = chosen[:, None, :]
         actual = np.take_along_axis(days.values, group, axis=0).sum(axis=0)
         fitted = np.take_along_axis(fit, group, axis=0).sum(axis=0)

@@ -15,12 +15,14 @@ from resilience.case.days import held_out
 from resilience.dispatch.mpc import BlindMPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
+from resilience.dispatch.stochastic import Stochastic
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
+from resilience.models.program.risk import Risk
 from resilience.simulation.observation import Observation
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
@@ -181,6 +183,12 @@ def test_every_grid_counts_for_its_own_island() -> None:
     world = World.build(Microgrid.build(case, "copperplate"), none)
     run = simulate(world, Rule(world.setting, 0.7))
     assert run.energy[:, -1, 0] == pytest.approx([2.8, 3.5])
+
+
+def test_averse_to_risk_is_half_of_the_worst_5_percent(world: World) -> None:
+    averse = DISPATCHERS["stochastic-cvar"](world.setting)
+    assert isinstance(averse, Stochastic)
+    assert (averse.name, averse.risk) == ("stochastic-cvar", Risk(alpha=0.95, weight=0.5))
 
 
 def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:

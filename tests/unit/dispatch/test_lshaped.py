@@ -290,29 +290,70 @@ def test_a_scenario_without_recourse_is_named(solve: object) -> None:
 
 
 def check_boxes(monkeypatch: pytest.MonkeyPatch, two: TwoStage) -> None:
-    """Every box that a bound is taken over holds the optimum, and no cut widens it downwards."""
-    boxes, points = [], []
+    """Every box that a bound is taken over holds the optimum of its round; no cut widens it
+    downwards.
+    """
+    boxes = noted_boxes(monkeypatch)
+    found = lshaped(two, TIGHT)
+    assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
+    for low, high, optimum in boxes:
+        assert (low <= optimum + 1e-6).all()
+        assert (optimum <= high + 1e-6).all()
+    for (low, *_), (later, *_) in pairwise(boxes):  # every cut is one bound more
+        assert (later >= low - 1e-9).all()
+
+
+def noted_boxes(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Floats, Floats, Floats]]:
+    """The boxes that bounds are taken over from now on, and the optimum that comes with each."""
+    boxes, points = list[tuple[Floats, Floats, Floats]](), list[Floats]()
     bound, solve = Plain.bound, Plain.solve
 
     def noted_bound(plain, multipliers, low, high):
-        boxes.append((low, high))
+        boxes.append((low, high, points[-1]))
         return bound(plain, multipliers, low, high)
 
     def noted_solve(plain, seconds):
         solution = solve(plain, seconds)
-        points.append(None if solution is None else solution[0])
+        assert solution is not None
+        points.append(solution[0])
         return solution
 
     monkeypatch.setattr(Plain, "bound", noted_bound)
     monkeypatch.setattr(Plain, "solve", noted_solve)
-    found = lshaped(two, TIGHT)
-    assert found.objective == pytest.approx(extensive(two, TIGHT).objective, rel=1e-8)
-    (low, high), point = boxes[-1], points[-1]
-    assert point is not None
-    assert (low <= point + 1e-6).all()
-    assert (point <= high + 1e-6).all()
-    for (low, _), (later, _) in pairwise(boxes):  # every cut is one bound more
-        assert (later >= low - 1e-9).all()
+    return boxes
+
+
+def test_a_later_cut_narrows_nothing_that_an_earlier_one_reaches(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first says 28 or more, wherever the stores are; the second 5 at most."""
+    two = program(5)
+    master, boxes, n = Master(two), noted_boxes(monkeypatch), len(two.branches)
+    for alpha, slopes in ((40.0, [-2.0, -3.0]), (3.0, [0.5, 0.25])):
+        constants, beta = alpha + np.arange(n, dtype=float), np.array([slopes] * n)
+        master.add(SecondStage(np.zeros(n), constants, beta, []))
+    master.solve()
+    ((low, high, optimum),) = boxes
+    assert (low <= optimum + 1e-6).all()
+    assert (optimum <= high + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    ("parent", "chance", "trunk"),
+    [
+        ([-1, 0, 1], [1.0, 1.0, 1.0], 0),
+        ([-1, 0, 0], [1.0, 0.3, 0.7], 3),
+        ([-1, 0, 1, 1, 2, 2], [1.0, 1.0, 0.6, 0.4, 0.35, 0.25], 2),
+    ],
+    ids=["no trunk", "a trunk that forks", "a branch that forks"],
+)
+def test_a_trunk_is_a_chain_and_so_is_every_branch(
+    parent: list[int], chance: list[float], trunk: int
+) -> None:
+    labels = tuple(f"t{k}" for k in range(len(parent)))
+    tree = Tree(np.array(parent), np.array(chance), np.zeros(len(parent), int), labels)
+    with pytest.raises(ValueError, match=f"nodes 0 to {trunk - 1} must be a chain"):
+        replace(program(4), tree=tree, trunk=trunk)
 
 
 @pytest.mark.parametrize("apart", [True, False])

@@ -137,6 +137,13 @@ def test_steps_beyond_the_horizon_are_empty() -> None:
     found = program.solver.solve()
     # Slots 3 and 4, and one of the block's four: 3 MWh at 1 $.
     assert found.objective == pytest.approx(3.0)
+    # Slots 4 and 5, and neither a slot nor a block behind them.
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=3, blocks=1, block_slots=4), 1)
+    up = np.ones((1, 4, 1), bool)
+    asked = WindowRequest(4, np.zeros(1), up, np.ones(1), exact(case), np.zeros(1))
+    assert program.data(asked)["load.demand"].tolist() == [[1.0, 1.0, 0.0, 0.0]]
+    program.solver.update(program.vectors(asked))
+    assert program.solver.solve().objective == pytest.approx(2.0)
 
 
 def test_a_tree_of_slots_and_blocks() -> None:

@@ -43,6 +43,23 @@ def test_without_loads_the_sun_alone_is_a_level() -> None:
     np.testing.assert_allclose(climate.levels[:, 0], [0.2, 1.5, 1.0, 1.3, 1.0, 0.9, 1.1])
 
 
+def test_what_sun_and_load_cancel_is_part_of_the_load() -> None:
+    """A profile of as much sun as load has a mean day at work and one off, and none of the sun."""
+    days = week()
+    both = Days(("load", "both"), np.array([5.0, 0.0]), days.values, days.off)
+    basis = fitted_climate(both, 1).basis
+    means = days.values[:5].mean(axis=0), days.values[5:].mean(axis=0)
+    np.testing.assert_allclose(basis, means)
+
+
+def test_more_outcomes_than_days_leave_some_without_noise() -> None:
+    days = week()
+    rough = days.values * np.random.default_rng(0).uniform(0.8, 1.2, days.values.shape)
+    noise = fitted_climate(Days(days.names, days.size, rough, days.off), 9).noise
+    assert (noise[7:] == 1.0).all()
+    assert (noise[:7] != 1.0).all()
+
+
 def test_noise_keeps_the_mean_of_every_slot() -> None:
     days = week()
     rough = days.values * np.random.default_rng(0).uniform(0.8, 1.2, days.values.shape)
