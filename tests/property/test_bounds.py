@@ -21,6 +21,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Physics
 from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.unroll import unroll
+from resilience.models.structures import Cone
 from resilience.testing import small_case
 from tests.property.random_cases import quick
 
@@ -121,6 +122,27 @@ def test_multipliers_outside_the_cone_are_moved_into_it(share: float) -> None:
     slope, offset = cone_share(problem.standard, short)
     bound = safe_bound(a, v, duals.rows, slope, offset)
     assert bound <= found.objective + 1e-6
+
+
+@pytest.mark.parametrize(
+    ("multipliers", "slope", "offset"),
+    [([7.0, 2.0, 3.0], [10.0, 4.0, 4.0], 4.0), ([2.0, 3.0, 4.0], [9.0, 1.0, 6.0], 3.0)],
+)
+def test_the_share_of_a_cone_by_hand(
+    multipliers: list[float], slope: list[float], offset: float
+) -> None:
+    """Of u + v, 2 x and u - v for u = U + 0.5, x = X - 0.25: 7 is more than |(2, 3)| and stays, 2
+    becomes |(3, 4)| = 5.
+    """
+    stage = Stage(1.0)
+    u, v, x = (stage.var(name, ["a"]) for name in "uvx")
+    stage.cone("flow", u + 0.5, v, x - 0.25)
+    standard = unroll([stage], Tree.chain(["now"]))
+    (k,) = standard.structures_of(Cone)
+    found, constant = cone_share(standard, {k: np.array(multipliers)[:, None]})
+    columns = [standard.columns(name)[0, 0] for name in "uvx"]
+    assert found[columns].tolist() == slope
+    assert constant == offset
 
 
 def test_multipliers_of_the_wrong_sign_are_not_used() -> None:

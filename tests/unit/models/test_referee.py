@@ -10,7 +10,7 @@ import pytest
 from resilience.arrays import Floats
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
-from resilience.models.program.referee import audit, settle
+from resilience.models.program.referee import audit, row_violations, settle
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
 
@@ -187,3 +187,36 @@ def test_maxima_are_settled_along_the_tree_whatever_the_durations() -> None:
     settled = settle(problem, z, vectors)
     assert settled[problem.columns("left")[0]] == pytest.approx([3.5, 2.5, 0.5, 0.0])
     assert audit(problem, settled, vectors).maximum == 0.0
+
+
+def test_a_row_is_measured_by_its_largest_term_whatever_its_sign() -> None:
+    """2 x + 3 y of 20 at (3, 4) are 2 too few for terms of 6 and 12, and 4 x - y = 8 in place of 9
+    for terms of 12 and 4.
+    """
+    stage = Stage(1.0)
+    x, y = (stage.var(name, ["a"], -9.0, 9.0) for name in "xy")
+    stage.le("need", 20.0 - x * 2.0 - y * 3.0)
+    stage.eq("gap", y - x * 4.0 + 9.0)
+    problem = unroll([stage], Tree.chain(["t0"]))
+    z = np.zeros(problem.n_columns)
+    z[problem.columns("x")], z[problem.columns("y")] = 3.0, 4.0
+    off = row_violations(problem, z, problem.vectors({}, {}))
+    assert off[problem.rows("need")].ravel().tolist() == pytest.approx([2.0 / 13.0])
+    assert off[problem.rows("gap")].ravel().tolist() == pytest.approx([1.0 / 13.0])
+
+
+def test_a_value_near_an_auxiliary_bound_is_noted_on_either_side() -> None:
+    """From 99 % of -4 and of 7 on, where the bound is there for solvers."""
+    stage = Stage(1.0)
+    stage.var("flow", ["a", "b", "c"], -4.0, 7.0)
+    stage.mark_auxiliary("flow", np.array([True, True, False]))
+    problem = unroll([stage], Tree.chain(["t0"]))
+    vectors, z = problem.vectors({}, {}), np.zeros(problem.n_columns)
+    z[problem.columns("flow")[:, 0]] = -3.99, 6.9, -4.0
+    found = audit(problem, z, vectors)
+    assert found.worst["auxiliary flow"] == pytest.approx(0.75, abs=1e-4)
+    assert found.where["auxiliary flow"] == "flow[a, t0]"
+    z[problem.columns("flow")[:, 0]] = -3.9, 6.986, -4.0
+    found = audit(problem, z, vectors)
+    assert found.worst["auxiliary flow"] == pytest.approx(0.8, abs=1e-4)
+    assert found.where["auxiliary flow"] == "flow[b, t0]"

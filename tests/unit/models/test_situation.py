@@ -6,6 +6,8 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from resilience.models.case_program import line_up_before
+from resilience.models.language.tree import Tree
 from resilience.models.network.situation import Situation
 
 
@@ -39,3 +41,11 @@ def test_a_network_without_lines_is_as_many_islands_as_buses() -> None:
     assert (found.island[0] != found.island[1]).all()
     assert found.alive.tolist() == [[1.0] * 3, [0.0] * 3]
     assert found.alive_at(np.array([1, 0, 1])).shape == (3, 3)
+
+
+def test_lines_are_one_slot_before_what_they_are_in_the_node_before() -> None:
+    """Node 0 is the start, where all are up before; 1 follows it, and 2 and 3 follow 1."""
+    labels = ("t0", "t1", "low", "high")
+    tree = Tree(np.array([-1, 0, 1, 1]), np.array([1.0, 1.0, 0.4, 0.6]), np.zeros(4, int), labels)
+    up = np.array([[False, True, True, False], [True, False, False, True]])
+    assert line_up_before(up, tree).astype(int).tolist() == [[1, 0, 1, 1], [1, 1, 0, 0]]

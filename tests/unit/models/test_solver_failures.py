@@ -19,7 +19,7 @@ from pyomo.contrib.solver.common import factory
 from pyomo.contrib.solver.common.results import TerminationCondition
 
 from resilience.errors import SolverError
-from resilience.models.backends.base import NOTHING
+from resilience.models.backends.base import NOTHING, Solution, of_solver
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
@@ -128,3 +128,27 @@ def test_ctrl_c_ends_the_program_where_scip_stops_by_itself(
     solver.update(tiny.vectors)
     with pytest.raises(KeyboardInterrupt):
         solver.solve()
+
+
+@pytest.mark.parametrize(
+    ("z", "value", "bound", "sound"),
+    [
+        ([3.0, np.nan], 7.5, 2.5, False),
+        ([3.0, np.inf], 7.5, 2.5, False),
+        ([3.0, 4.0], np.nan, 2.5, False),
+        ([3.0, 4.0], 7.5, np.nan, False),
+        (None, np.inf, np.nan, False),
+        (None, np.inf, -np.inf, True),
+        ([3.0, 4.0], 7.5, -np.inf, True),
+    ],
+)
+def test_an_answer_is_all_numbers(
+    z: list[float] | None, value: float, bound: float, sound: bool
+) -> None:
+    answer = Solution("feasible", None if z is None else np.array(z), value, bound)
+    solve = of_solver("HiGHS")(lambda _: answer)
+    if sound:
+        assert solve(None) is answer
+        return
+    with pytest.raises(SolverError, match=r"^HiGHS answered with values that are no numbers"):
+        solve(None)

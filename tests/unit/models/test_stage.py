@@ -92,8 +92,6 @@ def tree(**changes: object) -> Tree:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"parent": np.array([-1, 2, 0])},
-        {"parent": np.array([-2, 0, 0])},
         {"probability": np.array([1.0, 0.4, 0.4])},
         {"probability": np.array([1.0, 1.4, -0.4])},
         {"probability": np.array([0.5, 0.4, 0.6])},
@@ -105,6 +103,19 @@ def test_a_tree_that_is_none_is_refused(changes: dict[str, object]) -> None:
     assert tree().leaves.tolist() == [1, 2]
     with pytest.raises(ValueError, match=r"node|probability"):
         tree(**changes)
+
+
+@pytest.mark.parametrize("parent", [[-1, 2, 0], [-1, 1, 0], [-2, 0, 0]])
+def test_a_node_comes_after_its_parent(parent: list[int]) -> None:
+    with pytest.raises(ValueError, match="must come after its parent, a root has -1"):
+        tree(parent=np.array(parent))
+
+
+def test_a_state_has_its_unit_at_the_start_of_a_step_and_at_its_end() -> None:
+    stage = Stage(0.5)
+    stage.state("left", ["a"], 0.5, 4.0, unit="h", about="hours left")
+    told = [(block.name, block.unit, block.about, block.kind) for block in stage.variables]
+    assert told == [("left.now", "h", "hours left", "now"), ("left", "h", "hours left", "variable")]
 
 
 def test_a_stage_without_variables_is_a_program_without_costs() -> None:
