@@ -252,7 +252,8 @@ def test_without_integers_there_is_nothing_to_cut_off(play: Play) -> None:
     found = search(program(units=False), best=29.0)
     of = found.program
     found.modes[0] = np.array([True, False])
-    for bound, rises in ((20.5, True), (20.5, False)):
+    less, more = 20.5 * (1.0 + 0.5e-9), 20.5 * (1.0 + 2.5e-9)
+    for bound, rises in ((20.5, True), (20.5, False), (less, False), (more, True)):
         play(
             masters=[answer(of, 21.0, bound)],
             relaxed=[answer(of, 28.5, 28.0)] * 2,

@@ -52,6 +52,18 @@ def test_eight_groups_of_rows_are_named_and_the_others_counted() -> None:
     assert "make PV curtailable" in most.hint
 
 
+def test_rows_that_differ_in_their_label_or_slot_are_named_together() -> None:
+    """Two labels by name, more by the first and the last; slots by the first and the last."""
+    slots = ["01:00", "02:00", "03:00"]
+    rows = [f"line.voltage[{line}, {slot}]" for line in ("2-3", "4-5") for slot in slots]
+    rows += [f"balance.p[{bus}, 02:00]" for bus in (7, 8, 9)]
+    assert explain.grouped([*rows, "bounds of pv.p[roof, 04:00]"]) == [
+        "bounds of pv.p[roof, 04:00]",
+        "line.voltage[2-3, 4-5, 01:00 .. 03:00]",
+        "balance.p[7 .. 9 (3), 02:00]",
+    ]
+
+
 def test_where_no_conflict_is_found_it_says_so() -> None:
     found = infeasible(horizon(sunny(2.0), "lindistflow"))
     assert found.message.endswith("in conflict: no small set of rows could be named")
@@ -120,13 +132,14 @@ def test_clarabel_gave_up(monkeypatch: pytest.MonkeyPatch, late: bool, said: str
 
 
 @pytest.mark.parametrize("penalty", [0.0, 0.01])
-def test_clarabel_stopped_early_bounds_nothing_at_another_price(
+def test_clarabel_bounds_nothing_at_another_price(
     monkeypatch: pytest.MonkeyPatch, penalty: float
 ) -> None:
     """A price on losses makes another program, whose bound is none of this one."""
     program = horizon(sunny(2.3), "distflow")
     solver = Conic(program.standard, penalty=penalty)
     solver.update(program.vectors)
+    assert (solver.solve().bound == -np.inf) == (penalty > 0.0)
     solve = cvxpy.Problem.solve
     monkeypatch.setattr(
         cvxpy.Problem, "solve", lambda problem, **options: solve(problem, max_iter=5, **options)

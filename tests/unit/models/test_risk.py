@@ -108,6 +108,27 @@ def test_without_multipliers_the_bound_of_a_risk_is_the_solvers_own() -> None:
     assert solver.certified_bound(replace(solver.solve(), bound=1.25)) == 1.25
 
 
+def test_weights_that_are_too_small_rise_no_further_than_each_may() -> None:
+    """Bought later: 2 (0.125 + 0.25) and 0.375 + 0.25 are 1.375. Of 0.24 and 0.02 the first has
+    room for 0.01 only; with 0.3 and 0.2 it would be 0.85 + 0.575.
+    """
+    stage, tree = fan()
+    problem = unroll([stage], tree)
+    solver = RiskAverse(problem, Risk(0.5, 0.5))
+    data = {"price": np.array([[2.0, 2.0, 1.0]]), "need": np.array([[0.0, 1.0, 1.0]])}
+    solver.price(data)
+    solver.update(problem.vectors(data, {"stock": np.zeros(1)}))
+    found = solver.solve()
+    assert found.duals is not None
+    assert np.abs(found.duals.rows[1:3]) == pytest.approx([0.75, 0.625])
+    way = np.sign(found.duals.rows[1])
+    for stocks in ((1.425, 0.85, 0.575), (1.36, 0.73, 0.63)):
+        rows = np.append(way * np.array(stocks), (0.24, 0.02))
+        bound = solver.certified_bound(replace(found, duals=replace(found.duals, rows=rows)))
+        assert -50.0 < bound <= 1.375 + 1e-9
+    assert bound > 1.35
+
+
 def test_prices_of_nodes_add_up_to_the_cost_vector() -> None:
     stage, tree = fan()
     problem = unroll([stage], tree)
