@@ -35,7 +35,14 @@ class BandSlot(NamedTuple):
 
 
 class Band(Protocol):
-    """What turns outputs into power."""
+    """What turns outputs into power.
+
+    Attributes:
+        first_output: where a network that is to learn begins: where what it does makes a
+            difference.
+    """
+
+    first_output: float
 
     def slot(self, data: Array, island: Array, storage: StorageSlot | None = None) -> BandSlot:
         """What the band needs to know of a slot.
@@ -63,6 +70,8 @@ class AffineBand:
         plant: the stage as a step sees it.
     """
 
+    first_output = 0.0
+
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
 
@@ -79,10 +88,15 @@ class AffineBand:
 class AnchorBand:
     """Between serving, the rule and charging.
 
+    A full battery does the same for any output of 0 and more, and the rule keeps it full: a network
+    that begins there has no gradient, and may never learn to serve. So it begins below.
+
     Args:
         plant: the stage as a step sees it.
         level: state of charge of the rule.
     """
+
+    first_output = -0.45
 
     def __init__(self, plant: Plant, level: float = 0.9) -> None:
         self.plant, self.anchors = plant, Anchors(plant, level)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import nn
@@ -66,6 +67,13 @@ class Actor(nn.Module):
     def forward(self, observed: torch.Tensor) -> torch.Tensor:
         """Outputs."""
         return torch.tanh(self.body(observed))
+
+
+def begin_at(actor: nn.Module, output: float) -> None:
+    """Lets all outputs of an actor begin near a number in (-1, 1)."""
+    with torch.no_grad():
+        last = cast("nn.Linear", cast("nn.Sequential", actor.body)[-1])
+        last.bias.fill_(math.atanh(output))
 
 
 class Average:

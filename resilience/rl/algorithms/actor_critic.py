@@ -14,7 +14,7 @@ from torch import nn
 from resilience.rl.bands import clipped
 from resilience.rl.env import BatchEnv
 from resilience.rl.learner import Progress
-from resilience.rl.nets import network
+from resilience.rl.nets import begin_at, network
 from resilience.rl.off_policy import ReplayLearner
 from resilience.rl.replay import Situations, Transitions
 from resilience.rl.stacked import stacked_mlp
@@ -93,6 +93,7 @@ class ActorCritic(ReplayLearner):
         super().__init__(env, settings, seed)
         self.settings = settings
         actor = network(self.network(), env.size, env.units, self.generator)
+        begin_at(actor, env.band.first_output)
         if settings.start:
             load_start(settings.start, actor, self.network(), env)
         sizes = [env.size + env.units, *settings.hidden, 1]

@@ -21,7 +21,7 @@ from resilience.rl.learner import (
     under_prefix,
     with_prefix,
 )
-from resilience.rl.nets import Actor, Average
+from resilience.rl.nets import Actor, Average, begin_at
 from resilience.rl.starts import mixed_starts
 from resilience.rl.tape import Tape
 
@@ -63,6 +63,7 @@ class Apg:
         self.env, self.settings, self.seed = env, settings, seed
         generator = torch.Generator().manual_seed(seed)
         self.actor = Actor(env.size, env.units, settings.hidden, generator).to(env.device)
+        begin_at(self.actor, env.band.first_output)
         self.averaged = Average(self.actor, settings.average)
         self.optimiser = torch.optim.Adam(
             self.actor.parameters(), settings.learning_rate, fused=True

@@ -26,7 +26,7 @@ from resilience.rl.learner import (
     under_prefix,
     with_prefix,
 )
-from resilience.rl.nets import mlp, network
+from resilience.rl.nets import begin_at, mlp, network
 from resilience.rl.returns import advantages
 from resilience.rl.starts import mixed_starts
 from resilience.rl.warm_start import load_start
@@ -127,6 +127,7 @@ class Mappo:
         self.env, self.settings, self.seed = env, settings, seed
         generator = torch.Generator().manual_seed(seed)
         self.actor = network(self.network(), env.size, env.units, generator).to(env.device)
+        begin_at(self.actor, env.band.first_output)
         if settings.start:
             load_start(settings.start, self.actor, self.network(), env)
         self.spread = Spread(env.units, settings.spread).to(env.device)
