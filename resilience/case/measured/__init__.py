@@ -1,0 +1,1 @@
+"""Measured load and solar power of a country or zone, as files of ENTSO-E hold it."""
