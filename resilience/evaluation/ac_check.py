@@ -8,6 +8,7 @@ nothing is read from them.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -71,6 +72,7 @@ class TrajectoryACCheck:
         planned_mw: losses that the dispatch reckoned with, 0 at copperplate.
         rated: whether any line has a rating.
         step_h: hours of a slot.
+        cpu_seconds: of the processor for all power flows.
     """
 
     members: Carried = field(repr=False)
@@ -79,6 +81,7 @@ class TrajectoryACCheck:
     planned_mw: Floats = field(repr=False)
     rated: bool
     step_h: float
+    cpu_seconds: float = field(default=0.0, compare=False)
 
     def values(self, name: str) -> np.ndarray:
         """(slots, scenarios) one field of `Carried`."""
@@ -159,6 +162,7 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
         world: where it happened.
         trajectory: what happened.
     """
+    began = time.process_time()
     case, n = world.microgrid.case, world.scenarios.n
     fleets = world.microgrid.fleets
     power = {
@@ -184,6 +188,7 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
         planned_mw=total - spill,
         rated=bool(np.isfinite(case.network.rating_mva).any()),
         step_h=case.step_h,
+        cpu_seconds=time.process_time() - began,
     )
 
 

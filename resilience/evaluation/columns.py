@@ -60,6 +60,7 @@ AC_COLUMNS = {
     "ac_unfunded_mwh_per_day": "losses that the dispatch did not reckon with",
     "ac_excess_mwh_per_day": "energy that forming units give or take beyond their limits",
     "ac_not_converged_percent": "share of the slots without a solution, left out of all others, %",
+    "ac_cpu_s": "seconds of the processor for all power flows",
 }
 """The same of what AC power flow finds, with `ac=True`."""
 
@@ -150,4 +151,5 @@ def _ac(check: TrajectoryACCheck, days: float, likely: Floats) -> dict[str, floa
         "ac_unfunded_mwh_per_day": check.unfunded_mwh(likely) / days,
         "ac_excess_mwh_per_day": check.excess_mwh(likely) / days,
         "ac_not_converged_percent": 100.0 * check.not_converged_share(likely),
+        "ac_cpu_s": check.cpu_seconds,
     }

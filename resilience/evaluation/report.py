@@ -26,6 +26,10 @@ RESET_WARNING = (
     "the state of charge is reset every midnight: energy kept for tomorrow is taken away and "
     "energy used up is given back, at the end credit, so that gaps do not measure skill"
 )
+RECOURSE_WARNING = (
+    "islands are closed by the paper's equations, those of the bound for least cost: gaps hold the "
+    "difference, and say nothing of whether the case can tell methods apart"
+)
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,8 @@ class Report(Judged):
     def warnings(self) -> tuple[str, ...]:
         """What a reader must know before comparing numbers."""
         warnings = [RESET_WARNING] if self.world.reset_daily else []
+        if self.world.recourse == "paper":
+            warnings.append(RECOURSE_WARNING)
         if self.triviality.trivial:
             warnings.append(
                 "a battery kept full is within 1 % of the bound: the case cannot rank methods"
@@ -55,6 +61,7 @@ class Report(Judged):
             f"energy left worth {self.end_value_per_mwh:g} $/MWh",
             f"forecast errors: {self.forecast_error}",
             *centre,
+            *(() if self.world.recourse == "economic" else ("the paper's recourse",)),
         )
 
     @property
@@ -102,6 +109,7 @@ class Report(Judged):
             "forecast_error": self.forecast_error,
             "known_centre": self.world.known_centre,
             "reset_daily": self.world.reset_daily,
+            "recourse": self.world.recourse,
             "warnings": list(self.warnings),
             "bound_per_day": statistics.expected(self.bound, likely) / self.days,
             "bound_seconds": self.bound_seconds,

@@ -97,7 +97,13 @@ def code() -> str:
 
 def _facts(world: World) -> list[object]:
     """What a part depends on apart from its method."""
-    settings = [world.end_value_per_mwh, world.known_centre, world.reset_daily, world.index]
+    settings = [
+        world.end_value_per_mwh,
+        world.known_centre,
+        world.reset_daily,
+        world.recourse,
+        world.index,
+    ]
     return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, settings]
 
 

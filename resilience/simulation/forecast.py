@@ -163,3 +163,33 @@ def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlo
     rng = np.random.default_rng(seed)
     errors = error.errors(len(names), case.slots, n, rng, case.step_min)
     return Outlook(names, errors, error.correlation_of(case.step_min))
+
+
+def lasting_outlook(case: Case, load: float, pv: float, n: int) -> Outlook:
+    """Load and PV that are off their forecast by the same share in every slot, unexpectedly.
+
+    Whoever forecasts observes what is off now and goes on expecting the forecast.
+
+    Args:
+        case: the case.
+        load: of every load, per unit of its forecast: 0.15 is 15 % more.
+        pv: of every PV plant, likewise.
+        n: scenarios, all alike.
+
+    Raises:
+        UsageError: a load or plant without a profile, or both on the same one.
+    """
+    share: dict[str, float] = {}
+    for kind, tables, off in (("load", case.load, load), ("pv", case.pv, pv)):
+        for table in tables:
+            name = table.profile
+            if name is None or share.setdefault(name, off) != off:
+                problem = "no profile" if name is None else f"profile {name!r} of load and PV"
+                raise UsageError(
+                    f"{kind} {table.name} of case {case.name} follows {problem}; allowed: profiles "
+                    "of loads apart from those of PV",
+                    hint="forecast errors are those of profiles",
+                )
+    names = forecast_names(case)
+    error = np.array([share[name] for name in names]).reshape(-1, 1, 1)
+    return Outlook(names, np.broadcast_to(error, (len(names), case.slots, n)).copy(), 0.0)

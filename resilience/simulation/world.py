@@ -15,6 +15,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
 from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.models.simulator.simulator import RecourseRule
 from resilience.simulation.forecast import Outlook
 from resilience.simulation.observation import Forecast
 from resilience.simulation.setting import Setting
@@ -39,6 +40,7 @@ class World:
         reset_daily: the state of charge starts anew every midnight.
         numbers: (scenarios,) what the scenarios are called where they are a part of more; None:
             0, 1, ... See `index`.
+        recourse: how islands are closed, see `Simulator`; the bound's is always the cheapest.
     """
 
     microgrid: Microgrid
@@ -49,6 +51,7 @@ class World:
     known_centre: bool = True
     reset_daily: bool = False
     numbers: Ints | None = None
+    recourse: RecourseRule = "economic"
 
     @classmethod
     def build(
@@ -60,6 +63,7 @@ class World:
         outlook: Outlook | None = None,
         known_centre: bool = True,
         reset_daily: bool = False,
+        recourse: RecourseRule = "economic",
     ) -> World:
         """The world of a microgrid, simulated at the microgrid's own physics.
 
@@ -70,6 +74,7 @@ class World:
             outlook: errors of the forecast; None: load and PV come as the profiles say.
             known_centre: operators are told where the day's hazard is forecast to peak.
             reset_daily: the state of charge starts anew every midnight.
+            recourse: how islands are closed, see `Simulator`.
 
         Raises:
             UsageError: scenarios of another horizon, or physics that nothing simulates.
@@ -84,12 +89,13 @@ class World:
             )
         return cls(
             microgrid,
-            stepper(microgrid),
+            stepper(microgrid, recourse),
             scenarios,
             end_value_per_mwh,
             outlook,
             known_centre,
             reset_daily,
+            recourse=recourse,
         )
 
     @cached_property
@@ -130,7 +136,8 @@ class World:
         return state | {"simulator": None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state | {"simulator": stepper(state["microgrid"])})
+        simulator = stepper(state["microgrid"], state["recourse"])
+        self.__dict__.update(state | {"simulator": simulator})
 
     @cached_property
     def line_up(self) -> Bools:
@@ -203,15 +210,22 @@ class World:
         return self.setting.start()
 
 
-def stepper(microgrid: Microgrid) -> Stepper:
+def stepper(microgrid: Microgrid, recourse: RecourseRule = "economic") -> Stepper:
     """What simulates a microgrid at its physics: by arithmetic where lines carry anything, by a
     linear program per slot where they have ratings or voltages.
 
     Raises:
-        UsageError: physics, or devices, that nothing simulates.
+        UsageError: physics, or devices, that nothing simulates, or the paper's recourse where lines
+            do not carry anything.
     """
     if microgrid.physics == "copperplate" and not np.isfinite(microgrid.network.rating_mva).any():
-        return Simulator(microgrid, microgrid.case.step_h)
+        return Simulator(microgrid, microgrid.case.step_h, recourse)
+    if recourse != "economic":
+        raise UsageError(
+            f"recourse {recourse!r} at {microgrid.physics} or with line ratings; allowed there: "
+            "'economic'",
+            hint="the paper's equations know islands, no lines",
+        )
     return NetworkSimulator(microgrid, microgrid.case.step_h)
 
 

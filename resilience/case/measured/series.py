@@ -146,19 +146,19 @@ def checked_series(subject: str, name: str, values: pd.Series) -> pd.Series:
         )
     step = _step_min(subject, index)
     every = pd.date_range(index[0], index[-1], freq=f"{step:g}min")
-    whole = values.reindex(every)
+    filled = values.reindex(every)
     odd = index.difference(every)
-    if len(odd) or whole.isna().any():
-        first = odd[0] if len(odd) else every[whole.isna().to_numpy()][0]
+    if len(odd) or filled.isna().any():
+        first = odd[0] if len(odd) else every[filled.isna().to_numpy()][0]
         raise UsageError(
-            f"{subject}: {name} has a gap from {first}, and {int(whole.isna().sum())} slots "
+            f"{subject}: {name} has a gap from {first}, and {int(filled.isna().sum())} slots "
             "without values in all; allowed: none",
             hint="fill them, or leave their days out",
         )
-    if (whole < 0).any():
-        first = every[(whole < 0).to_numpy()][0]
+    if (filled < 0).any():
+        first = every[(filled < 0).to_numpy()][0]
         raise UsageError(f"{subject}: {name} is negative at {first}; allowed: 0 MW or more")
-    return whole
+    return filled
 
 
 def _step_min(subject: str, index: pd.DatetimeIndex) -> float:
