@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 PARTS_FOLDER = "parts"
 WITHOUT_EFFECT = {
-    "description", "path", "source", "simulator", "probability", "seed", "process",
+    "description", "path", "source", "rebuild", "simulator", "probability", "seed", "process",
 }  # fmt: skip
 """Fields that no trajectory depends on."""
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -228,3 +230,27 @@ def test_a_case_without_storage_has_a_bound() -> None:
     found = rs.evaluate(World.build(Microgrid.build(case, "copperplate"), storms), ["idle"])
     assert found.bound == pytest.approx([2 * (0.6 + 0.4 * 5.0)])
     assert found.objective["idle"] == pytest.approx(found.bound)
+
+
+FILE_OF_A_PART = """
+from pathlib import Path
+import resilience as rs
+from resilience.case.days import held_out
+from resilience.evaluation.store import Store
+from resilience.fragility.draw import sample_case
+from resilience.simulation.world import World, microgrid_with_fallible_lines
+
+case = held_out(rs.load_case("ieee33-tou"), 2)
+storms = sample_case(case, 2, 7)
+world = World.build(microgrid_with_fallible_lines(case, storms, "copperplate"), storms)
+print(Store(Path("somewhere")).part_file("rule", world, None))
+"""
+
+
+def test_a_part_is_called_alike_in_another_process() -> None:
+    """Otherwise a comparison that was interrupted would begin anew."""
+    command = [sys.executable, "-c", FILE_OF_A_PART]
+    first, second = (
+        subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(2)
+    )
+    assert first == second != ""
