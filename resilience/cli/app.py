@@ -15,6 +15,7 @@ import typer
 
 from resilience.cli import options, terminal
 from resilience.cli.case import case_app
+from resilience.cli.reproduce import reproduce
 from resilience.cli.storms import hazard, scenarios
 from resilience.cli.train import env, export, train
 
@@ -182,7 +183,7 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard, train, export, env):
+for _command in (scenarios, hazard, train, export, env, reproduce):
     app.command()(_command)
 
 

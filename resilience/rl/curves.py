@@ -15,6 +15,7 @@ from resilience.errors import UsageError
 from resilience.files import reading
 
 CONFIG_FILE, CURVE_FILE = "config.json", "curve.csv"
+LAST_FILE, RESULT_FILE = "last.safetensors", "result.json"
 COLUMNS = ("iteration", "cpu_s", "loss", "cost_per_day", "gap")
 RESAMPLES = 2000
 POINTS = 60  # in time, at which seeds are held against each other

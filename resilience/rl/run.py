@@ -29,13 +29,13 @@ from resilience.errors import SolverError, UsageError
 from resilience.files import replacing_file
 from resilience.progress import Meter, log, meter, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
-from resilience.rl.curves import COLUMNS, CONFIG_FILE, CURVE_FILE
+from resilience.rl.curves import COLUMNS, CONFIG_FILE, CURVE_FILE, LAST_FILE, RESULT_FILE
 from resilience.rl.learner import under_prefix, with_prefix
 from resilience.rl.observers import observer
 from resilience.rl.trainer import LogRow, Training, TrainingOptions
 
 LOG_FILE = "log.jsonl"
-LAST_FILE, RESULT_FILE, EVENTS_FOLDER = "last.safetensors", "result.json", "events"
+EVENTS_FOLDER = "events"
 FRESH = ".new-*"  # what a process leaves that was killed while it wrote
 CHECKPOINT_S = 30.0  # of work that is lost at most, where an iteration is shorter
 

@@ -139,6 +139,38 @@ def paired_difference(
     )
 
 
+def run_interval(
+    values: Floats,
+    rng: np.random.Generator,
+    *,
+    confidence: float = 0.95,
+    resamples: int = 9999,
+) -> MeanInterval:
+    """Mean over runs and episodes, and its percentile interval.
+
+    Runs and episodes are resampled apart from each other: another training, or another storm, would
+    have met all of the others. One run or one episode says nothing of how others would differ; the
+    interval is then over the others alone, and NaN where there are none.
+
+    Args:
+        values: (runs, episodes) one number each.
+        rng: source of the resamples.
+        confidence: of the interval.
+        resamples: number of bootstrap samples.
+    """
+    runs, episodes = values.shape
+    mean = float(finite_values(values.ravel()).mean())
+    if runs == episodes == 1:
+        return MeanInterval(mean, float("nan"), float("nan"), confidence, 1)
+    of_run, of_episode = (
+        rng.multinomial(n, np.full(n, 1.0 / n), size=resamples) / n for n in (runs, episodes)
+    )
+    means = np.einsum("kr,re,ke->k", of_run, values, of_episode, optimize=True)
+    tail = 0.5 * (1.0 - confidence)
+    low, high = np.quantile(means, [tail, 1.0 - tail])
+    return MeanInterval(mean, float(low), float(high), confidence, values.size)
+
+
 def score(cost: ArrayLike, rule09: ArrayLike, bound: ArrayLike) -> Floats:
     """(rule09 - cost) / (rule09 - bound), elementwise: 1 is the best possible, 0 is rule 0.9.
 

@@ -20,8 +20,8 @@ pytest.importorskip("safetensors", reason="safetensors is not installed here: re
 
 from resilience.rl.algorithms.apg import Apg  # noqa: E402
 from resilience.rl.checkpoint import load, save  # noqa: E402
-from resilience.rl.curves import CURVE_FILE  # noqa: E402
-from resilience.rl.run import LAST_FILE, LOG_FILE, RESULT_FILE, Run  # noqa: E402
+from resilience.rl.curves import CURVE_FILE, LAST_FILE, RESULT_FILE  # noqa: E402
+from resilience.rl.run import LOG_FILE, Run  # noqa: E402
 from resilience.rl.train import train  # noqa: E402
 from resilience.rl.trainer import TrainingOptions  # noqa: E402
 from tests.unit.rl.small import SETTINGS, few_storms, small_storm_case  # noqa: E402

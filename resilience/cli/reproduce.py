@@ -1,0 +1,60 @@
+"""The command `resilience reproduce`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from resilience.cli import options, terminal
+
+
+def reproduce(
+    case: Annotated[
+        str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
+    ] = "ieee33",
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Few days, storms and trainings: minutes, not hours.")
+    ] = False,
+    profiles: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Load and solar power exported from ENTSO-E, in place of the case's profiles; "
+            "twice for a file of each.",
+            metavar="FILE",
+        ),
+    ] = None,
+    area: Annotated[
+        str | None, typer.Option(help="Where the files have several areas, as DE_LU.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for figures, trainings and pictures.")] = Path(
+        "reproduction"
+    ),
+    as_json: options.AsJson = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Run the source paper's experiments and print them beside its figures; once run, only read."""
+    from resilience.rl.reproduce.run import SUMMARY_FILE, TABLE_FILE
+    from resilience.rl.reproduce.run import reproduce as run_experiments
+
+    with terminal.progress(verbose):
+        result = run_experiments(case, quick=quick, profiles=profiles or (), area=area, out=out)
+        from resilience.plots.reproduction import plot_reproduction
+
+        pictures = plot_reproduction(result)
+    if as_json:
+        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.text.reproduction import print_reproduction
+
+    print_reproduction(result, Console())
+    typer.echo("")
+    terminal.print_written(
+        *(("picture", picture) for picture in pictures),
+        ("table", out / TABLE_FILE),
+        ("all figures", out / SUMMARY_FILE),
+    )

@@ -1,0 +1,1 @@
+"""The source paper's experiments as plain data, and what runs them."""

@@ -1,0 +1,212 @@
+"""One experiment, run or read: its world, its contenders, its figures."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from resilience.case import Case
+from resilience.case.days import held_out
+from resilience.digest import digest_of
+from resilience.dispatch.registry import POLICY_FILE, REFERENCE, Factory, factory_of
+from resilience.errors import UsageError
+from resilience.evaluation.compare import evaluate
+from resilience.evaluation.comparison import BOUND
+from resilience.evaluation.report import Report
+from resilience.evaluation.store import code
+from resilience.evaluation.verdict import verdict
+from resilience.files import reading, replacing_file
+from resilience.fragility.draw import sample_case
+from resilience.progress import phase
+from resilience.rl.curves import load_curves
+from resilience.rl.failed import with_failed
+from resilience.rl.reproduce.experiments import Contender, Experiment, Scale
+from resilience.rl.reproduce.figures import Figures, figures
+from resilience.rl.reproduce.trained import trained_runs
+from resilience.simulation.forecast import lasting_outlook
+from resilience.simulation.world import World, microgrid_with_fallible_lines
+
+STORM_SEED = 0
+FIGURES_FOLDER, RUNS_FOLDER = "figures", "runs"
+WITHOUT_EFFECT = frozenset(("path", "source", "rebuild"))
+"""Fields of a case that say where it comes from."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came out of an experiment.
+
+    Attributes:
+        name: of the experiment.
+        title: what it is about.
+        variant: what sets it apart from those of the same title.
+        case: name of the case.
+        setting: the rules, in words.
+        rows: the contenders, then the rule 0.9 and the clairvoyant.
+        telling: whether the case can tell methods apart, in words.
+        notes: what was left out, in words.
+    """
+
+    name: str
+    title: str
+    variant: str
+    case: str
+    setting: tuple[str, ...]
+    rows: tuple[Figures, ...]
+    telling: str
+    notes: tuple[str, ...] = ()
+
+    def plain(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        return {**asdict(self), "rows": [row.plain() for row in self.rows]}
+
+    @classmethod
+    def of_plain(cls, data: Mapping[str, Any]) -> Outcome:
+        """From what `plain` gave."""
+        tuples = {name: tuple(data[name]) for name in ("setting", "notes")}
+        rows = tuple(Figures.of_plain(row) for row in data["rows"])
+        return cls(**{**data, **tuples, "rows": rows})
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A contender that is ready to act.
+
+    Attributes:
+        contender: which.
+        factories: by name in the comparison, one per training.
+        runs: folders of its trainings; empty where there are none.
+        training_cpu_s: of one training, mean; None where there is none.
+    """
+
+    contender: Contender
+    factories: Mapping[str, Factory]
+    runs: tuple[Path, ...] = ()
+    training_cpu_s: float | None = None
+
+
+def outcome(case: Case, experiment: Experiment, scale: Scale, folder: Path) -> Outcome:
+    """Runs an experiment, or reads what it gave when it was run before.
+
+    Args:
+        case: the experiment's, without its changes.
+        experiment: which.
+        scale: how much is spent.
+        folder: where trainings and figures are.
+    """
+    case = changed(case, experiment)
+    units = [unit.name for unit in case.ess]
+    notes = tuple(
+        f"{contender.label}: left out, {case.name} has {len(units)} agents"
+        for contender in experiment.contenders
+        if contender.failed >= len(units)
+    )
+    entrants = [
+        entrant(case, contender, experiment, scale, folder)
+        for contender in experiment.contenders
+        if contender.failed < len(units)
+    ]
+    digest = experiment_digest(case, experiment, scale, entrants)
+    path = folder / FIGURES_FOLDER / f"{experiment.name}-{digest}.json"
+    if path.is_file():
+        with reading(path, "figures"):
+            return Outcome.of_plain(json.loads(path.read_text(encoding="utf-8")))
+    with phase(f"experiment {experiment.name}"):
+        makers = {name: make for e in entrants for name, make in e.factories.items()}
+        report = evaluate(world(case, experiment, scale), makers, ac=True)
+    result = Outcome(
+        experiment.name,
+        experiment.title,
+        experiment.variant,
+        case.name,
+        report.setting,
+        _rows(report, entrants),
+        verdict(report)[-1] if experiment.recourse == "economic" else "",
+        notes,
+    )
+    with replacing_file(path) as fresh:
+        text = json.dumps(result.plain(), indent=2, allow_nan=False)
+        fresh.write_text(text + "\n", encoding="utf-8")
+    return result
+
+
+def experiment_digest(
+    case: Case, experiment: Experiment, scale: Scale, entrants: Sequence[Entrant]
+) -> str:
+    """Of all that an outcome depends on: code, case, its test days, scale, and policies."""
+    policies = [
+        hashlib.sha256((run / POLICY_FILE).read_bytes()).hexdigest()
+        for e in entrants
+        for run in e.runs
+    ]
+    facts = [code(), experiment, scale, held_out(case, scale.days), policies]
+    return digest_of(facts, WITHOUT_EFFECT)[:12]
+
+
+def _rows(report: Report, entrants: list[Entrant]) -> tuple[Figures, ...]:
+    rows = [
+        figures(report, e.contender.label, list(e.factories), e.training_cpu_s, e.contender.paper)
+        for e in entrants
+    ]
+    return (*rows, *(figures(report, name, [name]) for name in (REFERENCE, BOUND)))
+
+
+def changed(case: Case, experiment: Experiment) -> Case:
+    """The case with the changes of an experiment."""
+    price = experiment.shed_cost_per_mwh
+    if price is None or all(load.shed_cost_per_mwh == price for load in case.load):
+        return case
+    loads = [load.model_copy(update={"shed_cost_per_mwh": price}) for load in case.load]
+    return case.replace(load=loads)
+
+
+def world(case: Case, experiment: Experiment, scale: Scale, episodes: int | None = None) -> World:
+    """The world of an experiment, over its test days.
+
+    Args:
+        case: with the changes of the experiment.
+        experiment: which.
+        scale: how many days and storms.
+        episodes: only the first storms; None: all.
+    """
+    case = held_out(case, scale.days)
+    storms = sample_case(case, scale.draws, STORM_SEED)
+    if episodes is not None:
+        storms = storms.chosen(np.arange(episodes))
+    is_off = experiment.load != 0.0 or experiment.pv != 0.0
+    outlook = lasting_outlook(case, experiment.load, experiment.pv, storms.n) if is_off else None
+    return World.build(
+        microgrid_with_fallible_lines(case, storms, "copperplate"),
+        storms,
+        outlook=outlook,
+        recourse=experiment.recourse,
+    )
+
+
+def entrant(
+    case: Case, contender: Contender, experiment: Experiment, scale: Scale, folder: Path
+) -> Entrant:
+    """A contender ready to act, trained where it learns.
+
+    Raises:
+        UsageError: a case that nothing can be trained on.
+    """
+    if not contender.learns:
+        return Entrant(contender, {contender.label: factory_of(contender.dispatcher)})
+    seeds = scale.variant_seeds if experiment.trains_anew else scale.seeds
+    runs = trained_runs(case, contender, scale, seeds, folder / RUNS_FOLDER)
+    units = [unit.name for unit in case.ess[: contender.failed]]
+    factories: dict[str, Factory] = {}
+    for seed, run in enumerate(runs):
+        make = factory_of(f"{contender.dispatcher}:{run}")
+        factories[f"{contender.label} #{seed}"] = with_failed(make, units) if units else make
+    seconds = [curve.cpu_s[-1] for run in runs for curve in load_curves(run)]
+    if not seconds:
+        raise UsageError(f"{runs[0].parent} holds no finished training", hint="delete it")
+    return Entrant(contender, factories, tuple(runs), float(np.mean(seconds)))

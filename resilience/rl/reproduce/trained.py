@@ -1,0 +1,70 @@
+"""Trainings on disk, called after all that they depend on: what is there is not trained again."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from resilience.case import Case
+from resilience.case.days import training
+from resilience.digest import digest_of
+from resilience.progress import phase
+from resilience.rl.checkpoint import case_digest
+from resilience.rl.curves import LAST_FILE, RESULT_FILE
+from resilience.rl.reproduce.experiments import Contender, Scale
+
+
+def trained_runs(
+    case: Case, contender: Contender, scale: Scale, seeds: int, folder: Path
+) -> list[Path]:
+    """The run of every seed; trained where it is missing, resumed where it was interrupted.
+
+    Args:
+        case: the case, over any horizon.
+        contender: who learns.
+        scale: how long.
+        seeds: how many, from 0.
+        folder: where runs are.
+    """
+    training_facts: dict[str, Any] = {"settings": dict(contender.settings)}
+    if contender.settings.get("variant") == "paper":
+        training_facts["settings"]["episodes"] = scale.episodes
+    else:
+        training_facts["budget_s"] = scale.budget_s
+    ground = training(case)
+    facts = [
+        version("resilience"),
+        case_digest(case),
+        dict(ground.profiles),
+        ground.start,
+        contender.dispatcher,
+        training_facts,
+    ]
+    root = folder / f"{contender.dispatcher}-{digest_of(facts)[:12]}"
+    runs = [root / f"seed-{seed}" for seed in range(seeds)]
+    for seed, run in enumerate(runs):
+        if not (run / RESULT_FILE).is_file():
+            _train(case, contender, training_facts, seed, run)
+    return runs
+
+
+def _train(
+    case: Case, contender: Contender, training_facts: dict[str, Any], seed: int, run: Path
+) -> None:
+    from resilience.extras import need
+
+    need("learn", "training", "torch", "safetensors")
+    from resilience.rl.train import train
+
+    budget = {key: value for key, value in training_facts.items() if key != "settings"}
+    with phase(f"training {contender.label} for {case.name}, seed {seed}"):
+        train(
+            case,
+            contender.dispatcher,
+            out=run,
+            resume=(run / LAST_FILE).is_file(),
+            seeds=(seed,),
+            **budget,
+            **training_facts["settings"],
+        )
