@@ -119,7 +119,8 @@ def _as_good(compared: Compared, best: str, others: list[str]) -> list[str]:
 def _room(compared: Compared) -> str:
     rule, best = (expected(compared, v) for v in (compared.objective[REFERENCE], compared.bound))
     room = triviality([rule], [best])
-    more = "" if math.isnan(room.room_share) else f" costs {100 * room.room_share:.2f} % more than"
+    share = round(100 * room.room_share, 2) + 0.0  # no -0.00
+    more = "" if math.isnan(room.room_share) else f" costs {share:.2f} % more than"
     gap = f"a battery kept full{more or ' is compared with'} perfect foresight"
     if room.trivial:
         return f"But this case cannot tell methods apart: {gap}, which is too little to rank them."

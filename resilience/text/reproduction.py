@@ -29,9 +29,10 @@ COLUMNS = (
     ("lowest", "lowest", "$/day", 2),
     ("shed_mwh", "shed", "MWh/day", 2),
     ("shed_mw_slots", "shed", "MW-slots", 2),
-    ("gap_percent", "over bound", "%", 1),
+    ("gap_percent", "gap", "%", 1),
 )
 """Of the tables of costs: figure, head, unit, decimals."""
+LABEL_WIDTH = 14
 HOURS_AROUND = 3  # of an outage, that are printed with it
 
 
@@ -56,9 +57,11 @@ def print_reproduction(result: Reproduction, console: Console) -> None:
         outcomes = list(group)
         _heading(console, title, outcomes)
         console.print(_costs(outcomes, with_references=number == 0))
-        if number == 0:
+        if number == 0 or outcomes[0].case != result.outcomes[0].case:
+            console.print()
             console.print(_times(outcomes[0].rows))
-        for sentence in dict.fromkeys(o.telling for o in outcomes if o.telling):
+        console.print()
+        for sentence in dict.fromkeys(map(_telling, outcomes)):
             console.print(sentence, highlight=False, markup=False)
         for note in (note for o in outcomes for note in o.notes):
             console.print(note, highlight=False, markup=False)
@@ -68,6 +71,16 @@ def print_reproduction(result: Reproduction, console: Console) -> None:
     console.print(_storm(result.storm))
     _title(console, "what the paper leaves open, and what is done here")
     console.print(_open())
+
+
+def _telling(outcome: Outcome) -> str:
+    """Whether the case can tell methods apart, for the world that it was asked in."""
+    if not outcome.telling:
+        return "The gap is to the bound of the economic recourse, and holds the difference of both."
+    words = outcome.telling.removeprefix("But ")
+    if outcome.variant:
+        return f"{outcome.variant}: {words[0].lower()}{words[1:]}"
+    return words[0].upper() + words[1:]
 
 
 def _title(console: Console, words: str) -> None:
@@ -84,7 +97,7 @@ def _table(label: str, columns: Iterable[tuple[str, str]]) -> Table:
     from rich import box
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column(f"{label}\n", overflow="fold")
+    table.add_column(f"{label}\n", no_wrap=True, min_width=LABEL_WIDTH)
     for head, unit in columns:
         table.add_column(f"{head}\n{unit}", justify="right", no_wrap=True)
     return table
@@ -196,4 +209,5 @@ def _span(value: MeanInterval, digits: int) -> str:
     if not math.isfinite(value.low):
         return ""
     digits = min(digits, 1) if abs(value.high) >= 10.0 else digits
+    digits = 0 if abs(value.high) >= 100.0 else digits
     return f"{_number(value.low, digits)}–{_number(value.high, digits)}"

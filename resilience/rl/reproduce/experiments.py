@@ -35,7 +35,7 @@ class Scale:
     episodes: int
 
 
-FULL = Scale(days=16, draws=16, seeds=5, variant_seeds=3, budget_s=120.0, episodes=400)
+FULL = Scale(days=16, draws=16, seeds=5, variant_seeds=3, budget_s=60.0, episodes=400)
 QUICK = Scale(days=4, draws=4, seeds=1, variant_seeds=1, budget_s=20.0, episodes=200)
 """Half of the paper's schedule, after which it says that it has converged."""
 
@@ -94,7 +94,7 @@ class Experiment:
 
 
 RULE = Contender("rule 0.5", "rule", paper=published.RULE)
-MINLP = Contender("MINLP (mpc-blind)", "mpc-blind", paper=published.MINLP)
+MINLP = Contender("MINLP", "mpc-blind", paper=published.MINLP)
 DDPG = Contender("DDPG", "ddpg", paper=published.DDPG)
 MAPPO = Contender("MAPPO", "mappo", paper=published.MAPPO)
 PROPOSED = Contender("MADDPG-GRU", "maddpg", {"variant": "paper"}, paper=published.PROPOSED)
@@ -120,9 +120,9 @@ EXPERIMENTS = (
     *(
         Experiment(
             f"shed-price-{price:g}-{recourse}",
-            "price of shedding, trained for it",
+            "price of shedding in $/MWh and recourse, MADDPG-GRU trained for it",
             (_proposed("MADDPG-GRU", paper if recourse == "paper" else None),),
-            variant=f"{price:g} $/MWh, {recourse}",
+            variant=f"{price:g}, {recourse}",
             shed_cost_per_mwh=price,
             recourse=recourse,
             trains_anew=True,
