@@ -15,7 +15,7 @@ MESH_CASE = "ieee14"
 
 
 @dataclass(frozen=True)
-class Scale:
+class Effort:
     """How much is spent.
 
     Attributes:
@@ -35,8 +35,8 @@ class Scale:
     episodes: int
 
 
-FULL = Scale(days=16, draws=16, seeds=5, variant_seeds=3, budget_s=60.0, episodes=400)
-QUICK = Scale(days=4, draws=4, seeds=1, variant_seeds=1, budget_s=20.0, episodes=200)
+FULL = Effort(days=16, draws=16, seeds=5, variant_seeds=3, budget_s=60.0, episodes=400)
+QUICK = Effort(days=4, draws=4, seeds=1, variant_seeds=1, budget_s=20.0, episodes=200)
 """Half of the paper's schedule, after which it says that it has converged."""
 
 

@@ -16,7 +16,7 @@ from resilience.evaluation.comparison import day_spans
 from resilience.files import reading, replacing_file
 from resilience.models.components import in_roles
 from resilience.progress import phase
-from resilience.rl.reproduce.experiments import METHODS, PROPOSED, Scale
+from resilience.rl.reproduce.experiments import METHODS, PROPOSED, Effort
 from resilience.rl.reproduce.outcomes import (
     FIGURES_FOLDER,
     entrant,
@@ -47,7 +47,7 @@ class OutageDay:
     hours: tuple[Mapping[str, Any], ...]
 
 
-def outage_day(case: Case, scale: Scale, folder: Path) -> OutageDay:
+def outage_day(case: Case, scale: Effort, folder: Path) -> OutageDay:
     """The day, simulated or read.
 
     Args:

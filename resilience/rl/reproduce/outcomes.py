@@ -26,7 +26,7 @@ from resilience.fragility.draw import sample_case
 from resilience.progress import phase
 from resilience.rl.curves import load_curves
 from resilience.rl.failed import with_failed
-from resilience.rl.reproduce.experiments import Contender, Experiment, Scale
+from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
 from resilience.rl.reproduce.figures import Figures, figures
 from resilience.rl.reproduce.trained import trained_runs
 from resilience.simulation.forecast import lasting_outlook
@@ -91,7 +91,7 @@ class Entrant:
     training_cpu_s: float | None = None
 
 
-def outcome(case: Case, experiment: Experiment, scale: Scale, folder: Path) -> Outcome:
+def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> Outcome:
     """Runs an experiment, or reads what it gave when it was run before.
 
     Args:
@@ -137,7 +137,7 @@ def outcome(case: Case, experiment: Experiment, scale: Scale, folder: Path) -> O
 
 
 def experiment_digest(
-    case: Case, experiment: Experiment, scale: Scale, entrants: Sequence[Entrant]
+    case: Case, experiment: Experiment, scale: Effort, entrants: Sequence[Entrant]
 ) -> str:
     """Of all that an outcome depends on: code, case, its test days, scale, and policies."""
     policies = [
@@ -166,7 +166,7 @@ def changed(case: Case, experiment: Experiment) -> Case:
     return case.replace(load=loads)
 
 
-def world(case: Case, experiment: Experiment, scale: Scale, episodes: int | None = None) -> World:
+def world(case: Case, experiment: Experiment, scale: Effort, episodes: int | None = None) -> World:
     """The world of an experiment, over its test days.
 
     Args:
@@ -190,7 +190,7 @@ def world(case: Case, experiment: Experiment, scale: Scale, episodes: int | None
 
 
 def entrant(
-    case: Case, contender: Contender, experiment: Experiment, scale: Scale, folder: Path
+    case: Case, contender: Contender, experiment: Experiment, scale: Effort, folder: Path
 ) -> Entrant:
     """A contender ready to act, trained where it learns.
 

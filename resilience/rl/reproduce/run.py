@@ -30,8 +30,8 @@ from resilience.rl.reproduce.experiments import (
     FULL,
     METHODS,
     QUICK,
+    Effort,
     Experiment,
-    Scale,
 )
 from resilience.rl.reproduce.outage_day import OutageDay, outage_day
 from resilience.rl.reproduce.outcomes import Outcome, entrant, outcome
@@ -77,7 +77,7 @@ class Reproduction:
     """
 
     case: str
-    scale: Scale
+    scale: Effort
     outcomes: tuple[Outcome, ...]
     learning: tuple[LearningSummary, ...]
     storm: OutageDay
@@ -134,7 +134,7 @@ def reproduce(
     profiles: Sequence[str | Path] = (),
     area: str | None = None,
     out: str | Path = "reproduction",
-    scale: Scale | None = None,
+    scale: Effort | None = None,
     experiments: Sequence[Experiment] | None = None,
 ) -> Reproduction:
     """Runs the source paper's experiments; what was run before is read.

@@ -12,11 +12,11 @@ from resilience.digest import digest_of
 from resilience.progress import phase
 from resilience.rl.checkpoint import case_digest
 from resilience.rl.curves import LAST_FILE, RESULT_FILE
-from resilience.rl.reproduce.experiments import Contender, Scale
+from resilience.rl.reproduce.experiments import Contender, Effort
 
 
 def trained_runs(
-    case: Case, contender: Contender, scale: Scale, seeds: int, folder: Path
+    case: Case, contender: Contender, scale: Effort, seeds: int, folder: Path
 ) -> list[Path]:
     """The run of every seed; trained where it is missing, resumed where it was interrupted.
 

@@ -24,7 +24,7 @@ from resilience.evaluation.measures.statistics import MeanInterval
 from resilience.fragility.draw import sample_case
 from resilience.rl.reproduce import experiments, outage_day, outcomes, published, trained
 from resilience.rl.reproduce import run as runner
-from resilience.rl.reproduce.experiments import Contender, Experiment, Scale
+from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
 from resilience.rl.reproduce.figures import Figures, episode_values
 from resilience.rl.reproduce.outcomes import Outcome, changed
 from resilience.rl.reproduce.run import Reproduction, reproduce
@@ -33,7 +33,7 @@ from resilience.text.reproduction import print_reproduction
 from tests.shared import shared
 from tests.unit.rl.small import few_storms, small_storm_case
 
-TINY = Scale(days=8, draws=3, seeds=2, variant_seeds=1, budget_s=1e-3, episodes=20)
+TINY = Effort(days=8, draws=3, seeds=2, variant_seeds=1, budget_s=1e-3, episodes=20)
 CHOSEN = tuple(
     e
     for e in experiments.EXPERIMENTS
@@ -177,7 +177,7 @@ def test_trainings_differ_by_price_days_and_schedule_and_by_nothing_else(
     monkeypatch.setattr(trained, "_train", lambda *_: None)
     proposed, apg = experiments.PROPOSED, Contender("apg", "apg")
 
-    def folder(contender: Contender = proposed, scale: Scale = TINY, **changes: Any) -> Path:
+    def folder(contender: Contender = proposed, scale: Effort = TINY, **changes: Any) -> Path:
         case = small_storm_case().replace(**changes)
         return trained.trained_runs(case, contender, scale, 1, tmp_path)[0]
 
