@@ -10,8 +10,8 @@ from bench.row import Row, skipped
 from resilience.case import load_case
 
 if TYPE_CHECKING:
-    from resilience.rl.env import BatchEnv
-    from resilience.rl.tape import Tape
+    from resilience.rl.ground.env import BatchEnv
+    from resilience.rl.ground.tape import Tape
     from resilience.simulation.slots import Slot
 
 TURNS = 5
@@ -24,8 +24,8 @@ def ground() -> Iterator[Row]:
     except ImportError:
         yield skipped("training ground", "needs torch")
         return
-    from resilience.rl.env import BatchEnv
-    from resilience.rl.episodes import EpisodeSampler
+    from resilience.rl.ground.env import BatchEnv
+    from resilience.rl.ground.episodes import EpisodeSampler
 
     torch.set_num_threads(1)
     sampler = EpisodeSampler(load_case("ieee33-tou"))

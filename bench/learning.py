@@ -36,9 +36,9 @@ def deciding_ms(batch: int, band_name: str) -> float:
     """Milliseconds per decision and scenario, over a day."""
     import torch
 
-    from resilience.rl.episodes import EpisodeSampler
-    from resilience.rl.nets import Actor
-    from resilience.rl.observe import Observer
+    from resilience.rl.ground.episodes import EpisodeSampler
+    from resilience.rl.ground.observe import Observer
+    from resilience.rl.networks.nets import Actor
     from resilience.rl.policy import Policy
 
     episodes = EpisodeSampler(load_case("ieee33-tou"), storms=200).draw(batch, 0)
@@ -60,9 +60,9 @@ def deciding_ms(batch: int, band_name: str) -> float:
 def apg_s() -> float:
     """Seconds of an iteration with its default settings, episodes drawn."""
     from resilience.rl.algorithms.apg import Apg, ApgSettings
-    from resilience.rl.env import BatchEnv
-    from resilience.rl.episodes import EpisodeSampler
-    from resilience.rl.learner import Progress
+    from resilience.rl.ground.env import BatchEnv
+    from resilience.rl.ground.episodes import EpisodeSampler
+    from resilience.rl.learning.learner import Progress
 
     env = BatchEnv(EpisodeSampler(load_case("ieee33-tou"), storms=500))
     learner = Apg(env, ApgSettings())
@@ -73,9 +73,9 @@ def apg_s() -> float:
 def paper_s() -> tuple[float, str]:
     """Seconds of the whole schedule, from a round without updates and some updates; and both."""
     from resilience.rl.algorithms.maddpg_paper import PaperMaddpg, PaperMaddpgSettings
-    from resilience.rl.env import BatchEnv
-    from resilience.rl.episodes import EpisodeSampler
-    from resilience.rl.learner import Progress
+    from resilience.rl.ground.env import BatchEnv
+    from resilience.rl.ground.episodes import EpisodeSampler
+    from resilience.rl.learning.learner import Progress
 
     settings = PaperMaddpgSettings()
     sampler = EpisodeSampler(load_case("ieee33"), storms=500)

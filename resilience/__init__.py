@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from resilience.plots.scenario_plan import plot_scenario_plan
     from resilience.plots.storm import plot_storm
     from resilience.plots.water import plot_water_values
-    from resilience.rl.train import train
+    from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
     from resilience.simulation.observation import Dispatcher, Observation
     from resilience.simulation.replay import replay

@@ -53,7 +53,7 @@ def train(
     from resilience.extras import need
 
     need("learn", "training", "torch", "safetensors")
-    from resilience.rl.train import train as train_policies
+    from resilience.rl.training.train import train as train_policies
 
     with terminal.progress(verbose):
         runs = train_policies(

@@ -9,7 +9,7 @@ import numpy as np
 
 from resilience.files import check_picture
 from resilience.plots import style
-from resilience.rl.curves import LearningCurve, interval, load_curves
+from resilience.rl.training.curves import LearningCurve, interval, load_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

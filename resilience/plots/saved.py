@@ -12,7 +12,7 @@ from resilience.plots.plan import plot_plan
 from resilience.plots.report import plot_report
 from resilience.plots.scenario_plan import plot_scenario_plan
 from resilience.plots.storm import plot_storm
-from resilience.rl.curves import run_folders
+from resilience.rl.training.curves import run_folders
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan

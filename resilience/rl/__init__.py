@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from resilience.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from resilience.rl.acting import load_outputs
     from resilience.rl.adapters.make import make_env, make_parallel, make_vec
     from resilience.rl.export import export_policy
+    from resilience.rl.networks.acting import load_outputs
     from resilience.rl.policy import load_policy
-    from resilience.rl.run import Run
+    from resilience.rl.training.run import Run
 else:
     __getattr__ = lazy_names(__name__)
 

@@ -22,9 +22,9 @@ from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
 from resilience.extras import need
 from resilience.files import replacing_file
-from resilience.rl.acting import layers, load_outputs
 from resilience.rl.checkpoint import Header, load
-from resilience.rl.nets import Actor, network
+from resilience.rl.networks.acting import layers, load_outputs
+from resilience.rl.networks.nets import Actor, network
 
 CHECKED = 100  # observations on which a file is held against the policy
 TOLERANCE = 1e-6  # of outputs in [-1, 1]

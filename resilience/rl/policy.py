@@ -12,11 +12,11 @@ from torch import nn
 from resilience.arrays import Floats
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import UsageError
-from resilience.rl.acting import Outputs, layers, outputs
-from resilience.rl.bands import band
 from resilience.rl.checkpoint import check_fits, load
-from resilience.rl.nets import Actor, network
-from resilience.rl.observers import observer
+from resilience.rl.ground.bands import band
+from resilience.rl.ground.observers import observer
+from resilience.rl.networks.acting import Outputs, layers, outputs
+from resilience.rl.networks.nets import Actor, network
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 

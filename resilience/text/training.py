@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from resilience.rl.adapters.checks import Check
-    from resilience.rl.run import Run
+    from resilience.rl.training.run import Run
 
 
 def print_runs(runs: Sequence[Run], console: Console) -> None:

@@ -18,9 +18,9 @@ from resilience.evaluation.compare import parse_error
 from resilience.models.simulator import Simulator
 from resilience.models.simulator.arrays import array_ops
 from resilience.models.simulator.simulator import Step
-from resilience.rl.bands import band, clipped
-from resilience.rl.episodes import Episodes, EpisodeSampler
-from resilience.rl.observe import Observer
+from resilience.rl.ground.bands import band, clipped
+from resilience.rl.ground.episodes import Episodes, EpisodeSampler
+from resilience.rl.ground.observe import Observer
 
 BASELINES = ("none", "idle", "rule")
 KNOWN: Mapping[str, tuple[float, float]] = {

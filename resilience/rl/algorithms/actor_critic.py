@@ -11,15 +11,15 @@ import numpy as np
 import torch
 from torch import nn
 
-from resilience.rl.bands import clipped
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import Progress
-from resilience.rl.nets import begin_at, network
-from resilience.rl.off_policy import ReplayLearner
-from resilience.rl.replay import Situations, Transitions
-from resilience.rl.stacked import stacked_mlp
-from resilience.rl.starts import mixed_starts
-from resilience.rl.warm_start import load_start
+from resilience.rl.ground.bands import clipped
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.learning.learner import Progress
+from resilience.rl.learning.off_policy import ReplayLearner
+from resilience.rl.learning.replay import Situations, Transitions
+from resilience.rl.learning.starts import mixed_starts
+from resilience.rl.learning.warm_start import load_start
+from resilience.rl.networks.nets import begin_at, network
+from resilience.rl.networks.stacked import stacked_mlp
 
 ActorKind = Literal["mlp", "agents"]
 

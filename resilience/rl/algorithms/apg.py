@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import torch
 
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import (
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.tape import Tape
+from resilience.rl.learning.learner import (
     Progress,
     load_optimiser,
     optimiser_state,
     under_prefix,
     with_prefix,
 )
-from resilience.rl.nets import Actor, Average, begin_at
-from resilience.rl.starts import mixed_starts
-from resilience.rl.tape import Tape
+from resilience.rl.learning.starts import mixed_starts
+from resilience.rl.networks.nets import Actor, Average, begin_at
 
 
 @dataclass(frozen=True)

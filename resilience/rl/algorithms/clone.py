@@ -16,17 +16,17 @@ import torch
 from resilience.dispatch.registry import factory_of
 from resilience.models.simulator.arrays import array_ops
 from resilience.rl.algorithms.actor_critic import ActorKind
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import (
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.learning.learner import (
     Progress,
     load_optimiser,
     optimiser_state,
     under_prefix,
     with_prefix,
 )
-from resilience.rl.nets import Average, network
-from resilience.rl.replay import ReplayRing
-from resilience.rl.starts import mixed_starts
+from resilience.rl.learning.replay import ReplayRing
+from resilience.rl.learning.starts import mixed_starts
+from resilience.rl.networks.nets import Average, network
 
 TEACH_STREAM, FIT_STREAM = 8, 9
 

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 from resilience.errors import UsageError
 from resilience.rl.algorithms.actor_critic import ActorCritic, ActorCriticSettings, ActorKind
 from resilience.rl.algorithms.maddpg_paper import PaperMaddpg, PaperMaddpgSettings
-from resilience.rl.env import BatchEnv
+from resilience.rl.ground.env import BatchEnv
 
 Variant = Literal["tuned", "paper"]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)

@@ -42,13 +42,13 @@ from torch import nn
 
 from resilience.errors import UsageError
 from resilience.models.simulator.simulator import Step
-from resilience.rl.actors import GruActors
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import Progress
-from resilience.rl.off_policy import ReplayLearner
-from resilience.rl.replay import Situations, Transitions
-from resilience.rl.stacked import StackedLinear, StackedNorm
-from resilience.rl.tape import Tape
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.tape import Tape
+from resilience.rl.learning.learner import Progress
+from resilience.rl.learning.off_policy import ReplayLearner
+from resilience.rl.learning.replay import Situations, Transitions
+from resilience.rl.networks.actors import GruActors
+from resilience.rl.networks.stacked import StackedLinear, StackedNorm
 
 
 @dataclass(frozen=True)

@@ -17,19 +17,19 @@ import torch
 from torch import nn
 
 from resilience.rl.algorithms.actor_critic import ActorKind
-from resilience.rl.bands import clipped
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import (
+from resilience.rl.ground.bands import clipped
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.learning.learner import (
     Progress,
     load_optimiser,
     optimiser_state,
     under_prefix,
     with_prefix,
 )
-from resilience.rl.nets import begin_at, mlp, network
-from resilience.rl.returns import advantages
-from resilience.rl.starts import mixed_starts
-from resilience.rl.warm_start import load_start
+from resilience.rl.learning.returns import advantages
+from resilience.rl.learning.starts import mixed_starts
+from resilience.rl.learning.warm_start import load_start
+from resilience.rl.networks.nets import begin_at, mlp, network
 
 COLLECT_STREAM, SHUFFLE_STREAM = 6, 7
 HALF_LOG_2PI = 0.5 * float(np.log(2.0 * np.pi))

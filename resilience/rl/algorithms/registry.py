@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 from resilience.errors import UsageError
 
 if TYPE_CHECKING:
-    from resilience.rl.env import BatchEnv
-    from resilience.rl.learner import Learner
+    from resilience.rl.ground.env import BatchEnv
+    from resilience.rl.learning.learner import Learner
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,11 @@ from resilience.evaluation.verdict import verdict
 from resilience.files import reading, replacing_file
 from resilience.fragility.draw import sample_case
 from resilience.progress import phase
-from resilience.rl.curves import load_curves
 from resilience.rl.failed import with_failed
 from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
 from resilience.rl.reproduce.figures import Figures, figures
 from resilience.rl.reproduce.trained import trained_runs
+from resilience.rl.training.curves import load_curves
 from resilience.simulation.forecast import lasting_outlook
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 

@@ -24,7 +24,6 @@ from resilience.case.measured.series import Measured, read_measured, write_measu
 from resilience.errors import UsageError
 from resilience.files import replacing_file
 from resilience.progress import phase
-from resilience.rl.curves import load_curves
 from resilience.rl.reproduce.experiments import (
     EXPERIMENTS,
     FULL,
@@ -36,6 +35,7 @@ from resilience.rl.reproduce.experiments import (
 from resilience.rl.reproduce.outage_day import OutageDay, outage_day
 from resilience.rl.reproduce.outcomes import Outcome, entrant, outcome
 from resilience.rl.reproduce.published import OPEN
+from resilience.rl.training.curves import load_curves
 
 SUMMARY_FILE, TABLE_FILE, CASE_FOLDER = "summary.json", "statistics.csv", "case"
 

@@ -11,8 +11,8 @@ from resilience.case.days import training
 from resilience.digest import digest_of
 from resilience.progress import phase
 from resilience.rl.checkpoint import case_digest
-from resilience.rl.curves import LAST_FILE, RESULT_FILE
 from resilience.rl.reproduce.experiments import Contender, Effort
+from resilience.rl.training.curves import LAST_FILE, RESULT_FILE
 
 
 def trained_runs(
@@ -55,7 +55,7 @@ def _train(
     from resilience.extras import need
 
     need("learn", "training", "torch", "safetensors")
-    from resilience.rl.train import train
+    from resilience.rl.training.train import train
 
     budget = {key: value for key, value in training_facts.items() if key != "settings"}
     with phase(f"training {contender.label} for {case.name}, seed {seed}"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.rl.episodes import Episodes, EpisodeSampler
+from resilience.rl.ground.episodes import Episodes, EpisodeSampler
 from resilience.simulation.forecast import Outlook
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 

@@ -19,10 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from resilience.rl import run as run_module
 from resilience.rl.checkpoint import load
-from resilience.rl.run import Run, event_writer
-from resilience.rl.trainer import TrainingOptions
+from resilience.rl.training import run as run_module
+from resilience.rl.training.run import Run, event_writer
+from resilience.rl.training.trainer import TrainingOptions
 from tests.unit.rl.small import SETTINGS, keyword_defaults, small_storm_case
 
 OPTIONS = TrainingOptions(iterations=5, validations=2, seed=4, settings=SETTINGS)

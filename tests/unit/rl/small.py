@@ -9,7 +9,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import OutageTable
-from resilience.rl.episodes import EpisodeSampler
+from resilience.rl.ground.episodes import EpisodeSampler
 from resilience.testing.cases import small_case
 
 SETTINGS: dict[str, Any] = {"batch": 3, "hidden": (5,), "learning_rate": 0.01}

@@ -143,7 +143,7 @@ def test_agents_see_the_same_each_with_its_own_mark(case: rs.Case) -> None:
 def test_what_is_seen_is_what_a_policy_sees(case: rs.Case) -> None:
     """The numbers of an episode are those of the torch environment, to the bit."""
     pytest.importorskip("torch", reason="torch is not installed here")
-    from resilience.rl.env import BatchEnv
+    from resilience.rl.ground.env import BatchEnv
 
     play = Play(case, 4)
     observed = play.reset(np.random.default_rng(41))

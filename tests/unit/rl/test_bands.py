@@ -11,7 +11,7 @@ import resilience as rs
 from resilience.arrays import Floats
 from resilience.models.microgrid import Microgrid
 from resilience.models.simulator import Simulator
-from resilience.rl.bands import band
+from resilience.rl.ground.bands import band
 from tests.stepping import Scene, scene
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import resilience as rs
 from resilience.plots.saved import draw_run
-from resilience.rl.curves import LearningCurve, interval, load_curves, run_folders
+from resilience.rl.training.curves import LearningCurve, interval, load_curves, run_folders
 
 
 def write_run(folder: Path, seed: int, gaps: list[float], case: str = "island") -> Path:

@@ -11,9 +11,9 @@ import pytest
 torch = pytest.importorskip("torch", reason="learners need torch")
 
 import resilience as rs  # noqa: E402
-from resilience.rl.env import BatchEnv  # noqa: E402
-from resilience.rl.episodes import EpisodeSampler  # noqa: E402
-from resilience.rl.tape import Tape  # noqa: E402
+from resilience.rl.ground.env import BatchEnv  # noqa: E402
+from resilience.rl.ground.episodes import EpisodeSampler  # noqa: E402
+from resilience.rl.ground.tape import Tape  # noqa: E402
 
 
 @cache

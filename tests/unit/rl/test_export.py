@@ -17,12 +17,13 @@ torch = pytest.importorskip("torch", reason="torch is not installed here: resili
 pytest.importorskip("safetensors", reason="safetensors is not installed here: resilience[learn]")
 
 from resilience.dispatch.registry import POLICY_FILE, factory_of  # noqa: E402
-from resilience.rl import acting, export  # noqa: E402
+from resilience.rl import export  # noqa: E402
 from resilience.rl.checkpoint import load, save  # noqa: E402
-from resilience.rl.nets import network  # noqa: E402
+from resilience.rl.networks import acting  # noqa: E402
+from resilience.rl.networks.nets import network  # noqa: E402
 from resilience.rl.policy import Policy  # noqa: E402
-from resilience.rl.run import Run  # noqa: E402
-from resilience.rl.trainer import TrainingOptions  # noqa: E402
+from resilience.rl.training.run import Run  # noqa: E402
+from resilience.rl.training.trainer import TrainingOptions  # noqa: E402
 from resilience.simulation.simulate import simulate  # noqa: E402
 from tests.unit.rl.small import SETTINGS, few_storms, small_storm_case  # noqa: E402
 
@@ -74,7 +75,7 @@ def test_numpy_does_what_the_policy_does_and_says_what_it_sees(run: Run, tmp_pat
 def test_numpy_acts_without_torch(run: Run, tmp_path: Path) -> None:
     export.export_policy(folder_of(run), tmp_path / "policy.npz")
     program = (
-        "import sys, numpy; from resilience.rl.acting import load_outputs; "
+        "import sys, numpy; from resilience.rl.networks.acting import load_outputs; "
         f"act, about = load_outputs({str(tmp_path / 'policy.npz')!r}); "
         "print(act(numpy.zeros((1, about['inputs']))).shape, 'torch' in sys.modules)"
     )

@@ -17,8 +17,8 @@ pytest.importorskip("safetensors", reason="safetensors is not installed here: re
 
 from resilience.rl.algorithms.registry import ALGORITHMS
 from resilience.rl.export import export_policy
-from resilience.rl.run import Run
-from resilience.rl.trainer import TrainingOptions
+from resilience.rl.training.run import Run
+from resilience.rl.training.trainer import TrainingOptions
 
 
 def program(page: str, title: str, folder: Path) -> Path:

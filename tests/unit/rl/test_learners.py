@@ -12,17 +12,17 @@ torch = pytest.importorskip("torch", reason="learners need torch")
 import resilience as rs  # noqa: E402
 from resilience.dispatch.registry import factory_of  # noqa: E402
 from resilience.errors import UsageError  # noqa: E402
-from resilience.rl.actors import AgentActors, GruActors  # noqa: E402
 from resilience.rl.algorithms.actor_critic import ActorCritic  # noqa: E402
 from resilience.rl.algorithms.maddpg_paper import PaperCritics, PaperMaddpg  # noqa: E402
 from resilience.rl.algorithms.registry import ALGORITHMS, algorithm  # noqa: E402
-from resilience.rl.env import BatchEnv  # noqa: E402
-from resilience.rl.episodes import EpisodeSampler  # noqa: E402
 from resilience.rl.failed import with_failed  # noqa: E402
-from resilience.rl.learner import Learner, Progress  # noqa: E402
-from resilience.rl.nets import network  # noqa: E402
-from resilience.rl.observers import observer  # noqa: E402
-from resilience.rl.off_policy import updates_due  # noqa: E402
+from resilience.rl.ground.env import BatchEnv  # noqa: E402
+from resilience.rl.ground.episodes import EpisodeSampler  # noqa: E402
+from resilience.rl.ground.observers import observer  # noqa: E402
+from resilience.rl.learning.learner import Learner, Progress  # noqa: E402
+from resilience.rl.learning.off_policy import updates_due  # noqa: E402
+from resilience.rl.networks.actors import AgentActors, GruActors  # noqa: E402
+from resilience.rl.networks.nets import network  # noqa: E402
 from tests.unit.rl.toys import arbitrage, outage  # noqa: E402
 
 TINY = {

@@ -7,8 +7,8 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="learners need torch")
 
-from resilience.rl.env import BatchEnv  # noqa: E402
-from resilience.rl.replay import ReplayRing  # noqa: E402
+from resilience.rl.ground.env import BatchEnv  # noqa: E402
+from resilience.rl.learning.replay import ReplayRing  # noqa: E402
 from tests.unit.rl.toys import arbitrage, outage  # noqa: E402
 
 EPISODES = 3

@@ -201,7 +201,7 @@ def test_trainings_differ_by_price_days_and_schedule_and_by_nothing_else(
 def test_a_training_that_was_interrupted_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from resilience.rl import train as train_module
+    from resilience.rl.training import train as train_module
 
     calls: list[bool] = []
 

@@ -6,7 +6,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="learners need torch")
 
-from resilience.rl.returns import advantages, n_step_returns, returns_to_go  # noqa: E402
+from resilience.rl.learning.returns import advantages, n_step_returns, returns_to_go  # noqa: E402
 
 REWARDS = torch.tensor([3.0, -2.0, 7.0], dtype=torch.float64)[:, None]
 VALUES = torch.tensor([5.0, 11.0, 13.0], dtype=torch.float64)[:, None]

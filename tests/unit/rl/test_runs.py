@@ -20,10 +20,10 @@ pytest.importorskip("safetensors", reason="safetensors is not installed here: re
 
 from resilience.rl.algorithms.apg import Apg  # noqa: E402
 from resilience.rl.checkpoint import load, save  # noqa: E402
-from resilience.rl.curves import CURVE_FILE, LAST_FILE, RESULT_FILE  # noqa: E402
-from resilience.rl.run import LOG_FILE, Run  # noqa: E402
-from resilience.rl.train import train  # noqa: E402
-from resilience.rl.trainer import TrainingOptions  # noqa: E402
+from resilience.rl.training.curves import CURVE_FILE, LAST_FILE, RESULT_FILE  # noqa: E402
+from resilience.rl.training.run import LOG_FILE, Run  # noqa: E402
+from resilience.rl.training.train import train  # noqa: E402
+from resilience.rl.training.trainer import TrainingOptions  # noqa: E402
 from tests.unit.rl.small import SETTINGS, few_storms, small_storm_case  # noqa: E402
 
 ROOT = Path(__file__).parents[3]

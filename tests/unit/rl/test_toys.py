@@ -7,7 +7,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="learners need torch")
 
 from resilience.rl.algorithms.registry import algorithm  # noqa: E402
-from resilience.rl.learner import Learner  # noqa: E402
+from resilience.rl.learning.learner import Learner  # noqa: E402
 from tests.unit.rl.toys import (  # noqa: E402
     BUYING_PRICE,
     SHED_PRICE,

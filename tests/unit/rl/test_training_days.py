@@ -14,8 +14,8 @@ torch = pytest.importorskip("torch", reason="learners need torch")
 import resilience as rs  # noqa: E402
 from resilience.case.days import held_out, training  # noqa: E402
 from resilience.case.profiles import read_profile_file  # noqa: E402
-from resilience.rl import episodes  # noqa: E402
-from resilience.rl.trainer import LogRow, Training, TrainingOptions  # noqa: E402
+from resilience.rl.ground import episodes  # noqa: E402
+from resilience.rl.training.trainer import LogRow, Training, TrainingOptions  # noqa: E402
 from resilience.testing import small_case  # noqa: E402
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import torch
 
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.rl.env import BatchEnv
-from resilience.rl.episodes import EpisodeSampler
-from resilience.rl.learner import Learner, Progress
-from resilience.rl.nets import network
-from resilience.rl.tape import Tape
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.episodes import EpisodeSampler
+from resilience.rl.ground.tape import Tape
+from resilience.rl.learning.learner import Learner, Progress
+from resilience.rl.networks.nets import network
 from resilience.testing.cases import small_case
 
 DAYS = 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from resilience.rl.env import BatchEnv
+from resilience.rl.ground.env import BatchEnv
 
 
 def mixed_starts(

@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from resilience.errors import UsageError
-from resilience.rl.observe import ObservationBlock, Observer
-from resilience.rl.observe_paper import PaperObserver
+from resilience.rl.ground.observe import ObservationBlock, Observer
+from resilience.rl.ground.observe_paper import PaperObserver
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 

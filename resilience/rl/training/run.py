@@ -29,10 +29,10 @@ from resilience.errors import SolverError, UsageError
 from resilience.files import replacing_file
 from resilience.progress import Meter, log, meter, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
-from resilience.rl.curves import COLUMNS, CONFIG_FILE, CURVE_FILE, LAST_FILE, RESULT_FILE
-from resilience.rl.learner import under_prefix, with_prefix
-from resilience.rl.observers import observer
-from resilience.rl.trainer import LogRow, Training, TrainingOptions
+from resilience.rl.ground.observers import observer
+from resilience.rl.learning.learner import under_prefix, with_prefix
+from resilience.rl.training.curves import COLUMNS, CONFIG_FILE, CURVE_FILE, LAST_FILE, RESULT_FILE
+from resilience.rl.training.trainer import LogRow, Training, TrainingOptions
 
 LOG_FILE = "log.jsonl"
 EVENTS_FOLDER = "events"

@@ -22,10 +22,10 @@ from resilience.errors import SolverError, UsageError
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.evaluation.compare import parse_error
 from resilience.rl.algorithms.registry import Algorithm, algorithm
-from resilience.rl.env import BatchEnv
-from resilience.rl.episodes import EpisodeSampler
-from resilience.rl.learner import Learner, Progress
-from resilience.rl.nets import network
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.episodes import EpisodeSampler
+from resilience.rl.learning.learner import Learner, Progress
+from resilience.rl.networks.nets import network
 from resilience.rl.policy import Policy
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World

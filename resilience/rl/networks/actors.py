@@ -8,8 +8,8 @@ from typing import cast
 import torch
 from torch import nn
 
-from resilience.rl.observe_paper import WINDOW
-from resilience.rl.stacked import StackedGru, stacked_mlp
+from resilience.rl.ground.observe_paper import WINDOW
+from resilience.rl.networks.stacked import StackedGru, stacked_mlp
 
 
 class AgentActors(nn.Module):

@@ -14,17 +14,17 @@ import numpy as np
 import torch
 from torch import nn
 
-from resilience.rl.bands import clipped
-from resilience.rl.env import BatchEnv
-from resilience.rl.learner import (
+from resilience.rl.ground.bands import clipped
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.tape import Tape
+from resilience.rl.learning.learner import (
     Progress,
     load_optimiser,
     optimiser_state,
     under_prefix,
     with_prefix,
 )
-from resilience.rl.replay import ReplayRing, Transitions
-from resilience.rl.tape import Tape
+from resilience.rl.learning.replay import ReplayRing, Transitions
 
 COLLECT_STREAM, UPDATE_STREAM = 4, 5
 

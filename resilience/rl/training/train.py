@@ -9,8 +9,8 @@ from typing import Any
 
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
-from resilience.rl.run import Run
-from resilience.rl.trainer import TrainingOptions
+from resilience.rl.training.run import Run
+from resilience.rl.training.trainer import TrainingOptions
 
 
 def train(  # noqa: PLR0913 every one is an option of the command line

@@ -113,7 +113,7 @@ def network(
     Raises:
         UsageError: an unknown kind.
     """
-    from resilience.rl.actors import AgentActors, GruActors
+    from resilience.rl.networks.actors import AgentActors, GruActors
 
     kind, fresh = about["kind"], generator or torch.Generator()
     if kind == "mlp":

@@ -11,8 +11,8 @@ from torch import nn
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import UsageError
 from resilience.rl.checkpoint import check_fits, load
-from resilience.rl.env import BatchEnv
-from resilience.rl.observers import observer
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.observers import observer
 
 
 def load_start(name: str, actor: nn.Module, about: Mapping[str, Any], env: BatchEnv) -> None:

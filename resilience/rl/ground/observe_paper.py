@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.models.components import in_roles
-from resilience.rl.observe import ObservationBlock, digest_of_blocks
+from resilience.rl.ground.observe import ObservationBlock, digest_of_blocks
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 

@@ -19,10 +19,10 @@ from resilience.models.components import in_roles
 from resilience.models.simulator import Simulator
 from resilience.models.simulator.arrays import Array, array_ops
 from resilience.models.simulator.simulator import Step
-from resilience.rl.bands import Band, band
-from resilience.rl.episodes import Episodes, EpisodeSampler
-from resilience.rl.observers import observer
-from resilience.rl.tape import Now, Tape, as_tensors, step_of_tensors
+from resilience.rl.ground.bands import Band, band
+from resilience.rl.ground.episodes import Episodes, EpisodeSampler
+from resilience.rl.ground.observers import observer
+from resilience.rl.ground.tape import Now, Tape, as_tensors, step_of_tensors
 from resilience.simulation.slots import Slot
 
 Baseline = Literal["none", "idle", "rule"]

@@ -17,8 +17,8 @@ from resilience.models.simulator.arrays import Array
 from resilience.models.simulator.closing import ReadyGroup, ReadyOrder
 from resilience.models.simulator.prices import Way
 from resilience.models.simulator.simulator import ReadySlot, Step
-from resilience.rl.bands import BandSlot
-from resilience.rl.episodes import Episodes
+from resilience.rl.ground.bands import BandSlot
+from resilience.rl.ground.episodes import Episodes
 
 T = TypeVar("T")
 ToTensor = Callable[[np.ndarray], torch.Tensor]

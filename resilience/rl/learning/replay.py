@@ -16,9 +16,9 @@ import torch
 from resilience.arrays import Ints
 from resilience.dispatch.anchors import Needs
 from resilience.models.simulator.plant import StorageSlot
-from resilience.rl.bands import BandSlot
-from resilience.rl.env import BatchEnv
-from resilience.rl.tape import Tape
+from resilience.rl.ground.bands import BandSlot
+from resilience.rl.ground.env import BatchEnv
+from resilience.rl.ground.tape import Tape
 
 EMPTY = -1  # in place of a tape's number
 

@@ -1,0 +1,1 @@
+"""What learners share: replay, returns, starts, updates from a memory."""

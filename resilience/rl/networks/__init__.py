@@ -1,0 +1,1 @@
+"""The networks that act, and how they are run without torch."""
