@@ -18,7 +18,7 @@ from resilience.rl.learning.off_policy import ReplayLearner
 from resilience.rl.learning.replay import Situations, Transitions
 from resilience.rl.learning.starts import mixed_starts
 from resilience.rl.learning.warm_start import load_start
-from resilience.rl.networks.nets import begin_at, network
+from resilience.rl.networks.nets import network
 from resilience.rl.networks.stacked import stacked_mlp
 
 ActorKind = Literal["mlp", "agents"]
@@ -93,7 +93,6 @@ class ActorCritic(ReplayLearner):
         super().__init__(env, settings, seed)
         self.settings = settings
         actor = network(self.network(), env.size, env.units, self.generator)
-        begin_at(actor, env.band.first_output)
         if settings.start:
             load_start(settings.start, actor, self.network(), env)
         sizes = [env.size + env.units, *settings.hidden, 1]

@@ -29,7 +29,7 @@ from resilience.rl.learning.learner import (
 from resilience.rl.learning.returns import advantages
 from resilience.rl.learning.starts import mixed_starts
 from resilience.rl.learning.warm_start import load_start
-from resilience.rl.networks.nets import begin_at, mlp, network
+from resilience.rl.networks.nets import mlp, network
 
 COLLECT_STREAM, SHUFFLE_STREAM = 6, 7
 HALF_LOG_2PI = 0.5 * float(np.log(2.0 * np.pi))
@@ -127,7 +127,6 @@ class Mappo:
         self.env, self.settings, self.seed = env, settings, seed
         generator = torch.Generator().manual_seed(seed)
         self.actor = network(self.network(), env.size, env.units, generator).to(env.device)
-        begin_at(self.actor, env.band.first_output)
         if settings.start:
             load_start(settings.start, self.actor, self.network(), env)
         self.spread = Spread(env.units, settings.spread).to(env.device)

@@ -38,8 +38,8 @@ class Band(Protocol):
     """What turns outputs into power.
 
     Attributes:
-        first_output: where a network that is to learn begins: where what it does makes a
-            difference.
+        first_output: where a network that follows the simulator's gradient begins: where what it
+            does makes a difference. Who explores needs none.
     """
 
     first_output: float
