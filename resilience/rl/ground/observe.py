@@ -7,11 +7,7 @@ can be worked out before an episode is played.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -20,6 +16,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case.schema import GridTable
 from resilience.dispatch.memory import Memory
+from resilience.rl.ground.eyes import Eyes, ObservationBlock
 from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.setting import Setting
 
@@ -27,21 +24,6 @@ Terms = list[tuple[int, int, float]]
 HOURS_EXACT = 2.0  # ahead in which every slot is observed; beyond, every hour
 HOURS_AHEAD = 12.0
 REFERENCE_H = 4.0  # a line's outage of this length is 1
-
-
-@dataclass(frozen=True)
-class ObservationBlock:
-    """Some numbers of an observation.
-
-    Attributes:
-        name: what they are, with their unit, as `net_demand_mw`.
-        labels: which element each is.
-        scale: (labels,) what they are divided by.
-    """
-
-    name: str
-    labels: tuple[str, ...]
-    scale: tuple[float, ...]
 
 
 class Foreseen(NamedTuple):
@@ -60,7 +42,7 @@ class Foreseen(NamedTuple):
     price: np.ndarray
 
 
-class Observer:
+class Observer(Eyes):
     """Makes the observations of a setting; one per batch, since it remembers line failures.
 
     Args:
@@ -71,12 +53,12 @@ class Observer:
     """
 
     def __init__(self, setting: Setting) -> None:
-        self.setting, case = setting, setting.case
+        super().__init__(setting)
+        case = setting.case
         self.daily = case.storm is None or not case.storm.points
         self.memory = Memory(setting, self.daily)
         self.window, self.ahead = case.window, _slots_ahead(case.step_h)
         self._read_devices()
-        self._read_storage()
         self.blocks = self._blocks()
         self._all_ahead = np.arange(len(self.ahead))
         self._first = 0
@@ -108,11 +90,6 @@ class Observer:
         )
         every = dict.fromkeys(name for fleet in fleets for name in fleet.profiles())
         self.prices = tuple(n for n in every if n is not None and n not in self.names)
-
-    def _read_storage(self) -> None:
-        simulator = self.setting.simulator
-        self._low = simulator.low
-        self._range = np.maximum(simulator.high - simulator.low, 1e-9)
 
     def _blocks(self) -> tuple[ObservationBlock, ...]:
         simulator, setting = self.setting.simulator, self.setting
@@ -153,26 +130,6 @@ class Observer:
         prices = [price for grid in grids for price in (grid.import_price, grid.export_price)]
         factor = max((abs(f) for f, followed in prices if followed == name), default=0.0)
         return (max(costs, default=0.0) or 1.0) / (factor or 1.0)
-
-    @property
-    def size(self) -> int:
-        """How many numbers an observation has."""
-        return self._rows[-1].stop + len(self._low)
-
-    @property
-    def schema(self) -> str:
-        """A digest of what an observation holds: a policy fits no other."""
-        return digest_of_blocks(self.blocks)
-
-    def observed(self, observation: Observation) -> np.ndarray:
-        """(batch, numbers) an observation in single precision, as in training; once a slot."""
-        storage = self.storage(observation.energy.astype(np.float32))
-        return np.concatenate([storage, self.world(observation)]).T
-
-    def storage(self, energy: np.ndarray) -> np.ndarray:
-        """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
-        low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
-        return (energy - low) / width
 
     def world(self, observation: Observation, out: np.ndarray | None = None) -> np.ndarray:
         """(numbers but those of storage, batch) what the world is like, in single precision; once
@@ -253,12 +210,6 @@ class Observer:
         is_told = centre >= 0
         hours = centre * 0.25 - self.window.slot_of_day(t) * self.setting.case.step_h
         return np.array([is_told, is_told * hours / REFERENCE_H])
-
-
-def digest_of_blocks(blocks: Sequence[ObservationBlock]) -> str:
-    """A digest of what an observation holds."""
-    text = json.dumps([(b.name, b.labels, b.scale) for b in blocks])
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _weighted(terms: Terms, profiles: list[Floats], shape: tuple[int, int, int]) -> Floats:

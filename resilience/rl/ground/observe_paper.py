@@ -20,14 +20,14 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.models.components import in_roles
-from resilience.rl.ground.observe import ObservationBlock, digest_of_blocks
+from resilience.rl.ground.eyes import Eyes, ObservationBlock
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 
 WINDOW = 8  # slots, the present one among them
 
 
-class PaperObserver:
+class PaperObserver(Eyes):
     """Makes the paper's observations: states of charge, counters, then the window slot by slot.
 
     Args:
@@ -39,9 +39,8 @@ class PaperObserver:
     """
 
     def __init__(self, setting: Setting) -> None:
-        self.setting, simulator = setting, setting.simulator
-        self._low = simulator.low
-        self._range = np.maximum(simulator.high - simulator.low, 1e-9)
+        super().__init__(setting)
+        simulator = setting.simulator
         fleets = list(setting.microgrid.fleets.values())
         profiles: list[str | None] = []
         labels: list[str] = []
@@ -62,26 +61,6 @@ class PaperObserver:
             ObservationBlock("slots_to_peak", units, (per_day,) * len(units)),
             ObservationBlock("power_pu", window, (1.0,) * len(window)),
         )
-
-    @property
-    def size(self) -> int:
-        """How many numbers an observation has."""
-        return sum(len(block.labels) for block in self.blocks)
-
-    @property
-    def schema(self) -> str:
-        """A digest of what an observation holds: a policy fits no other."""
-        return digest_of_blocks(self.blocks)
-
-    def observed(self, observation: Observation) -> np.ndarray:
-        """(batch, numbers) an observation in single precision, as in training; once a slot."""
-        storage = self.storage(observation.energy.astype(np.float32))
-        return np.concatenate([storage, self.world(observation)]).T
-
-    def storage(self, energy: np.ndarray) -> np.ndarray:
-        """(units, batch) state of charge within its band, 0 to 1, in the precision of `energy`."""
-        low, width = (values.astype(energy.dtype) for values in (self._low, self._range))
-        return (energy - low) / width
 
     def world(self, observation: Observation, out: np.ndarray | None = None) -> np.ndarray:
         """(numbers but those of storage, batch) counters and window of a slot, in single precision;
