@@ -46,6 +46,9 @@ def train(
     setting: Annotated[
         list[str] | None, typer.Option("--set", help="A setting of the algorithm, as batch=256.")
     ] = None,
+    show_settings: Annotated[
+        bool, typer.Option("--settings", help="Say what the algorithm's settings are, and stop.")
+    ] = False,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -53,6 +56,9 @@ def train(
     from resilience.extras import need
 
     need("learn", "training", "torch", "safetensors")
+    if show_settings:
+        _print_settings(method, _settings(setting or []))
+        return
     from resilience.rl.training.train import train as train_policies
 
     with terminal.progress(verbose):
@@ -143,6 +149,18 @@ def env(
         print_environment(facts, checks, Console())
     if any(result.verdict == "failed" for result in checks):
         raise typer.Exit(1)
+
+
+def _print_settings(method: str, values: dict[str, Any]) -> None:
+    """What the settings of an algorithm are, of the variant that is among these."""
+    from rich.console import Console
+
+    from resilience.rl.algorithms.described import described
+    from resilience.rl.algorithms.registry import algorithm
+    from resilience.text.training import print_settings
+
+    variant = {name: value for name, value in values.items() if name == "variant"}
+    print_settings(method, described(algorithm(method).settings_kind(**variant)), Console())
 
 
 def _numbers(text: str) -> list[str]:

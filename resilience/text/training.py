@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from resilience.rl.adapters.checks import Check
+    from resilience.rl.algorithms.described import DescribedSetting
     from resilience.rl.training.run import Run
 
 
@@ -47,6 +48,20 @@ def print_runs(runs: Sequence[Run], console: Console) -> None:
             "judge it on the test days: resilience compare "
             f"{escape(first.case.name)} --methods rule,mpc,{first.name}"
         )
+
+
+def print_settings(method: str, settings: Sequence[DescribedSetting], console: Console) -> None:
+    """The settings of an algorithm."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    console.print(f"{method}: settings, each to be given as --set NAME=VALUE")
+    table = Table(box=None, padding=(0, 2), pad_edge=False)
+    for name in ("name", "default", "what it is"):
+        table.add_column(name)
+    for setting in settings:
+        table.add_row(setting.name, escape(repr(setting.default)), escape(setting.about))
+    console.print(table)
 
 
 def print_environment(facts: dict[str, Any], checks: Sequence[Check], console: Console) -> None:

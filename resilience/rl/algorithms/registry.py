@@ -56,16 +56,27 @@ class Algorithm:
         """The settings with some values of one's own.
 
         Raises:
-            UsageError: a setting that there is not.
+            UsageError: a setting that there is not, or a value that it cannot have.
         """
+        from pydantic import TypeAdapter, ValidationError
+
         kind = self.settings_kind(**{k: v for k, v in values.items() if k == "variant"})
         names = [f.name for f in fields(kind)]
         if unknown := sorted(set(values) - set(names)):
             raise UsageError(
                 f"setting {', '.join(unknown)} is unknown; allowed: {', '.join(names)}",
-                hint="`resilience train --help` says what they mean",
+                hint="`resilience train --method METHOD --settings` says what they mean",
             )
-        return kind(**values)
+        try:
+            return TypeAdapter(kind).validate_python(values)
+        except ValidationError as error:
+            mistakes = [
+                f"{'.'.join(map(str, e['loc']))} {e['input']!r}: {e['msg']}" for e in error.errors()
+            ]
+            raise UsageError(
+                "settings: " + "; ".join(mistakes),
+                hint="`resilience train --method METHOD --settings` has the defaults",
+            ) from None
 
 
 ALGORITHMS: dict[str, Algorithm] = {
