@@ -53,7 +53,8 @@ class Units:
         """Those that suit columns (columns,), see `dimensions`, with these costs and bounds."""
         ends = np.maximum(*(np.where(np.isfinite(x), np.abs(x), 0.0) for x in (lower, upper)))
         base = _power_of_ten(float(ends[dimension == POWER].max(initial=0.0)), USUAL_MW)
-        per_unit = np.abs(cost * cls(base).sizes(dimension))
+        # Of a column in $ the cost is 1 in any currency: it tells nothing.
+        per_unit = np.abs(cost * cls(base).sizes(dimension))[dimension != MONEY]
         return cls(base, _power_of_ten(float(per_unit.max(initial=0.0)), USUAL_COST))
 
     def sizes(self, dimension: Ints) -> Floats:
