@@ -16,39 +16,49 @@ from resilience.rl.algorithms.registry import ALGORITHMS
 METHODS = "; ".join(f"{name}: {entry.about}" for name, entry in ALGORITHMS.items())
 
 
+CaseName = Annotated[
+    str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
+]
+Method = Annotated[str, typer.Option(help=f"Algorithm. {METHODS}.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")]
+Seeds = Annotated[str, typer.Option(help="Seeds with commas, a run each.")]
+Budget = Annotated[
+    str, typer.Option(help="CPU time per seed, as 120s or 10m; becomes iterations once.")
+]
+Iterations = Annotated[int | None, typer.Option(help="Iterations, in place of a budget.", min=1)]
+TrainingBand = Annotated[str | None, typer.Option(help="How outputs become MW: anchors or affine.")]
+Baseline = Annotated[
+    str, typer.Option(help="Whose cost rewards are relative to: none, idle or rule.")
+]
+Days = Annotated[int, typer.Option(help="Days of an episode.", min=1)]
+Patience = Annotated[
+    int, typer.Option(help="Stop after so many validations without gain; 0: never.", min=0)
+]
+SettingPairs = Annotated[
+    list[str] | None, typer.Option("--set", help="A setting of the algorithm, as batch=256.")
+]
+ShowSettings = Annotated[
+    bool, typer.Option("--settings", help="Say what the algorithm's settings are, and stop.")
+]
+
+
 def train(
-    case: Annotated[
-        str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
-    ] = "ieee33",
-    method: Annotated[str, typer.Option(help=f"Algorithm. {METHODS}.")] = "apg",
+    case: CaseName = "ieee33",
+    method: Method = "apg",
     out: Annotated[Path | None, typer.Option(help="Folder of the run.")] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the run in --out.")] = False,
-    seeds: Annotated[str, typer.Option(help="Seeds with commas, a run each.")] = "0",
-    budget: Annotated[
-        str, typer.Option(help="CPU time per seed, as 120s or 10m; becomes iterations once.")
-    ] = "120s",
-    iterations: Annotated[
-        int | None, typer.Option(help="Iterations, in place of a budget.", min=1)
-    ] = None,
-    band: Annotated[
-        str | None, typer.Option(help="How outputs become MW: anchors or affine.")
-    ] = None,
-    baseline: Annotated[
-        str, typer.Option(help="Whose cost rewards are relative to: none, idle or rule.")
-    ] = "rule",
-    days: Annotated[int, typer.Option(help="Days of an episode.", min=1)] = 1,
+    resume: Resume = False,
+    seeds: Seeds = "0",
+    budget: Budget = "120s",
+    iterations: Iterations = None,
+    band: TrainingBand = None,
+    baseline: Baseline = "rule",
+    days: Days = 1,
     forecast_error: options.ForecastErrors = "none",
     unknown_centre: options.UnknownCentre = False,
-    patience: Annotated[
-        int, typer.Option(help="Stop after so many validations without gain; 0: never.", min=0)
-    ] = 0,
+    patience: Patience = 0,
     device: Annotated[str, typer.Option(help="cpu or cuda.")] = "cpu",
-    setting: Annotated[
-        list[str] | None, typer.Option("--set", help="A setting of the algorithm, as batch=256.")
-    ] = None,
-    show_settings: Annotated[
-        bool, typer.Option("--settings", help="Say what the algorithm's settings are, and stop.")
-    ] = False,
+    setting: SettingPairs = None,
+    show_settings: ShowSettings = False,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -107,16 +117,14 @@ def export(
 
 
 def env(
-    case: Annotated[
-        str, typer.Argument(metavar="CASE", help="Case file, or name of an installed case.")
-    ],
+    case: CaseName,
     check: Annotated[
         bool, typer.Option("--check", help="Run the official checks of Gymnasium and PettingZoo.")
     ] = False,
     band: Annotated[
         str, typer.Option(help="How actions become MW: anchors or affine.")
     ] = "anchors",
-    days: Annotated[int, typer.Option(help="Days of an episode.", min=1)] = 1,
+    days: Days = 1,
     forecast_error: options.ForecastErrors = "none",
     unknown_centre: options.UnknownCentre = False,
     as_json: options.AsJson = False,
