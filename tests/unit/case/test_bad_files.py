@@ -70,7 +70,7 @@ def test_a_base_that_extends_its_own_variant_is_refused(case_file):
 
 def test_a_missing_base_is_refused_with_the_names_there_are(case_file):
     [problem] = error_of(case_file(text='extends = "ieee3"')).mistakes
-    assert problem.hint == "did you mean ieee33 or ieee33-tou or ieee33-wide?"
+    assert problem.hint == "did you mean ieee33 or ieee14 or ieee33-tou?"
 
 
 def test_a_missing_network_file_is_refused(case_file):
