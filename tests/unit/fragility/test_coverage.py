@@ -14,7 +14,7 @@ from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, UsageError
 from resilience.fragility.chain import case_track, slot_times, storm
-from resilience.fragility.coverage import check_overlap
+from resilience.fragility.coverage import check_ends, check_overlap
 from resilience.fragility.lines.geography import geography
 from resilience.fragility.tracks import Track
 
@@ -46,6 +46,22 @@ def test_a_track_that_ends_in_the_storm_is_no_calm(koinu: Case) -> None:
     np.testing.assert_allclose(
         storm(koinu, gone).failed_by[:, -1], storm(koinu).failed_by[:, -1], atol=1e-3
     )
+
+
+def test_a_track_may_begin_and_end_with_the_horizon_in_the_storm(koinu: Case) -> None:
+    """It blows in the first two and the last two slots; a second less of a track cuts it off."""
+    track, times = case_track(koinu), slot_times(koinu)
+    speed = np.full((2, koinu.slots), [[3.0], [2.0]])
+    speed[:, [0, 1, -2, -1]] = [[61.0], [43.0]]
+    begun = replace(track, time=track.time + (times[0] - track.time[0]))
+    ended = replace(track, time=track.time + (times[-1] - track.time[-1]))
+    check_ends(koinu, begun, times, speed)
+    check_ends(koinu, ended, times, speed)
+    short = np.timedelta64(1, "s")
+    with pytest.raises(UsageError, match=r"begins at d1 .* while it blows 61 m/s"):
+        check_ends(koinu, replace(begun, time=begun.time + short), times, speed)
+    with pytest.raises(UsageError, match=r"ends at d3 .* while it blows 61 m/s"):
+        check_ends(koinu, replace(ended, time=ended.time - short), times, speed)
 
 
 def test_the_day_on_which_a_storm_is_nearest_is_named(koinu: Case) -> None:

@@ -126,6 +126,12 @@ def test_one_crew_mends_one_line_after_the_other() -> None:
     assert both[:2].sum() < down[:2].sum()
 
 
+def test_a_crew_that_was_free_came_with_the_failure() -> None:
+    """Five slots of work: of a, down in 2 to 4, three are done, and of b, down in 4, one."""
+    found = belief(0.3, Repair("fixed", (1.25,), crews=2, wind_limit_mps=200.0))
+    assert found.expected_left(known(4, a=2, b=4)).tolist() == [2, 4, 0]
+
+
 def test_a_mended_line_is_believed_to_hold() -> None:
     first = np.array([-1, 1, -1])
     mended = LineHistory(5, -1, np.full(3, -1), first >= 0, 0, first)

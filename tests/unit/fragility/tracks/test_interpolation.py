@@ -57,7 +57,8 @@ def test_no_storm_outside_its_time(model: str) -> None:
 
 def test_times_must_rise() -> None:
     track = cyclone()
-    for times in ([], ["2020-09-02", "2020-09-01"], ["NaT"]):
+    twice = ["2020-09-01T06", "2020-09-01T09", "2020-09-01T09"]
+    for times in ([], ["2020-09-02", "2020-09-01"], twice, ["NaT"]):
         with pytest.raises(UsageError, match="rising times"):
             interpolated(track, times)
 
