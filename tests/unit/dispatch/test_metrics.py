@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from resilience.errors import UsageError
 from resilience.evaluation.measures import metrics, trapezoid
+from resilience.tolerances import PERFORMANCE_TOLERANCE
 
 # Two loads of 2 and 1 MW, four slots of 15 min, three members: no shedding; the second load out in
 # slots 1 and 2; everything out in slot 0 and half of the first load in slot 3.
@@ -161,6 +162,8 @@ def test_rounding_of_a_solver_is_no_loss_of_load():
 def test_time_to_first_shed_counts_from_the_start_given():
     assert metrics.time_to_first_shed(SHED, DT_H).tolist() == [np.inf, 0.25, 0]
     assert metrics.time_to_first_shed(SHED, DT_H, start=1).tolist() == [np.inf, 0, 0.5]
+    slots = SHED.shape[1]
+    assert metrics.time_to_first_shed(SHED, DT_H, start=slots).tolist() == [np.inf] * 3
 
 
 def test_survival_falls_with_the_hours():
@@ -232,6 +235,14 @@ def test_depth_duration_and_area_do_not_depend_on_the_step(seed):
     coarse, fine = trapezoid.trapezoid(level, 1.0), trapezoid.trapezoid(halved(level, 0), 0.5)
     for name in ("lambda_share", "e_h", "area_h", "onset_h", "restored"):
         assert getattr(fine, name) == pytest.approx(getattr(coarse, name), nan_ok=True), name
+
+
+def test_a_level_is_the_lowest_up_to_the_tolerance():
+    """The lowest for two slots, though one is higher by as much as rounding may be."""
+    low = 0.3
+    level = np.array([0.9, low + PERFORMANCE_TOLERANCE, low, 0.9])[:, None]
+    found = trapezoid.trapezoid(level, 0.5, normal=0.9)
+    assert (found.e_h[0], found.onset_h[0]) == pytest.approx((2 * 0.5, 0.5))
 
 
 def test_area_and_triangle_fill_the_horizon():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 import numpy as np
 import pytest
 
@@ -105,3 +107,20 @@ def test_a_case_without_a_file_is_its_own_climate() -> None:
     np.testing.assert_allclose(days.values[0, 0], case.profile("demand"))
     assert fitted_climate(days, 2).levels.tolist() == [pytest.approx([1.0])]
     assert (case.window.day_number(7), case.window.slot_of_day(7)) == (1, 1)
+
+
+def test_a_slot_that_a_day_does_not_know_is_the_mean_of_the_others() -> None:
+    """From 08:00 on in slots of 4 h: the first day has no slots 0 and 1, the last no slot 5."""
+    demand = [0.35, 0.55, 0.9, 0.6, 0.2, 0.3, 0.4, 0.65, 0.8, 0.7, 0.28, 0.34, 0.46, 0.58, 0.96]
+    case = small_case(
+        start=datetime(2016, 7, 12, 8),
+        slots=len(demand),
+        step_min=240.0,
+        load=[{"p_max_mw": 2.0, "shed_cost_per_mwh": 5.0, "profile": "demand"}],
+        grid=[{"import_max_mw": 3.0, "import_cost_per_mwh": 1.5}],
+        profiles={"demand": demand},
+    )
+    values = past_days(case).values[:, 0]
+    np.testing.assert_allclose(values[0], [0.24, 0.32, 0.35, 0.55, 0.9, 0.6])
+    np.testing.assert_allclose(values[1], [0.2, 0.3, 0.4, 0.65, 0.8, 0.7])
+    np.testing.assert_allclose(values[2], [0.28, 0.34, 0.46, 0.58, 0.96, 0.65])
