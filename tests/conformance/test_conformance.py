@@ -144,6 +144,15 @@ def test_a_cut_that_is_not_at_a_leaf_is_refused(backend: str) -> None:
         solver.add_cuts(0, np.array([1.0]), np.array([[0.0]]))
 
 
+@pytest.mark.parametrize(
+    ("backend", "words"), [("highs", "same size"), ("pyomo-highs", "shorter than argument")]
+)
+def test_a_cut_of_more_states_than_there_are_is_refused(backend: str, words: str) -> None:
+    solver, _ = solved(TINY["terminal_fan"](cuts=()), backend)
+    with pytest.raises(ValueError, match=words):
+        solver.add_cuts(2, np.array([1.5]), np.array([[0.7, 0.4]]))
+
+
 @pytest.mark.parametrize("backend", ["highs", "conic"])
 def test_the_bound_stays_proven_with_cuts(backend: str) -> None:
     tiny, bare = TINY["terminal"](), TINY["terminal"](cuts=())
