@@ -144,13 +144,12 @@ def test_a_cut_that_is_not_at_a_leaf_is_refused(backend: str) -> None:
         solver.add_cuts(0, np.array([1.0]), np.array([[0.0]]))
 
 
-@pytest.mark.parametrize(
-    ("backend", "words"), [("highs", "same size"), ("pyomo-highs", "shorter than argument")]
-)
-def test_a_cut_of_more_states_than_there_are_is_refused(backend: str, words: str) -> None:
+@pytest.mark.parametrize("slopes", [[[0.7, 0.4]], [[]], [[0.7], [0.3]], [0.7]])
+@pytest.mark.parametrize("backend", ["highs", "conic", "nlp", "pyomo-highs"])
+def test_a_cut_that_is_not_of_the_states_is_refused(backend: str, slopes: list[Any]) -> None:
     solver, _ = solved(TINY["terminal_fan"](cuts=()), backend)
-    with pytest.raises(ValueError, match=words):
-        solver.add_cuts(2, np.array([1.5]), np.array([[0.7, 0.4]]))
+    with pytest.raises(ValueError, match=r"slopes of shape .*; allowed: \(1, 1\)"):
+        solver.add_cuts(2, np.array([1.5]), np.array(slopes))
 
 
 @pytest.mark.parametrize("backend", ["highs", "conic"])

@@ -213,13 +213,23 @@ class LeafCuts:
     cuts: list[tuple[int, Ints, Floats, Floats]] = field(default_factory=list)
 
     def add(self, node: int, alpha: Floats, beta: Floats) -> tuple[Ints, Floats]:
-        """Notes cuts as `Backend.add_cuts` takes them; returns their `leaf_rows`."""
+        """Notes cuts as `Backend.add_cuts` takes them; returns their `leaf_rows`.
+
+        Raises:
+            ValueError: a node with children, or cuts that are not of the node's states.
+        """
         standard, leaves = self.standard, self.standard.tree.leaves
         if node not in leaves:
             raise ValueError(f"node {node} has children; cuts belong to leaves: {leaves.tolist()}")
         future = int(standard.future[np.searchsorted(leaves, node)])
         states = standard.state_columns(node)
-        self.cuts.append((future, states, np.asarray(alpha, float), np.asarray(beta, float)))
+        alpha, beta = np.asarray(alpha, float), np.asarray(beta, float)
+        if beta.shape != (len(alpha), len(states)):
+            raise ValueError(
+                f"slopes of shape {beta.shape}; allowed: {(len(alpha), len(states))}, a row per cut "
+                "and a column per state"
+            )
+        self.cuts.append((future, states, alpha, beta))
         return leaf_rows(states, future, beta)
 
     def with_futures_open(self, vectors: Vectors) -> Vectors:
