@@ -226,8 +226,8 @@ class LeafCuts:
         alpha, beta = np.asarray(alpha, float), np.asarray(beta, float)
         if beta.shape != (len(alpha), len(states)):
             raise ValueError(
-                f"slopes of shape {beta.shape}; allowed: {(len(alpha), len(states))}, a row per cut "
-                "and a column per state"
+                f"slopes of shape {beta.shape}; allowed: {(len(alpha), len(states))}, a row per "
+                "cut and a column per state"
             )
         self.cuts.append((future, states, alpha, beta))
         return leaf_rows(states, future, beta)
