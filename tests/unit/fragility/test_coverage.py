@@ -70,6 +70,8 @@ def test_the_day_on_which_a_storm_is_nearest_is_named(koinu: Case) -> None:
     nearest = date(2023, 10, 5) + timedelta(days=30)
     with pytest.raises(UsageError, match="misses the horizon") as caught:
         storm(koinu, later)
+    first, last = (later.time[k].astype("datetime64[m]").item() for k in (0, -1))
+    assert f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC, misses" in str(caught.value)
     assert f"day = {nearest}" in caught.value.hint
     assert "laid_on" in caught.value.hint
 

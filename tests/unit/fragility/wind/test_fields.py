@@ -251,3 +251,15 @@ def test_the_bridge_of_willoughby_by_hand() -> None:
 def test_no_wind_without_a_storm(model: str) -> None:
     calm = cyclone(vmax_mps=0.0, pressure_hpa=1012.0)
     assert (wind(calm, 20.0, 115.2, model=model).speed_mps == 0.0).all()
+
+
+def test_a_radius_of_maximum_wind_where_the_profile_is_pinned_has_its_top() -> None:
+    """Holland 2010 is pinned at 300 km, which says nothing of a storm that is as wide itself."""
+    wide = 300_000.0
+    inside = np.array([0.4, 0.7, 1.0]) * wide
+    track = cyclone(at=EQUATOR, rmw_km=wide / 1000.0)
+    speed = along_a_ray("holland2010", track, inside)
+    deficit, b = 70.0, -4.4e-5 * 70**2 + 0.01 * 70 + 1.0
+    top = math.sqrt(b * 100.0 * deficit / (1.15 * math.e))
+    q = (wide / inside) ** b
+    np.testing.assert_allclose(speed, top * np.sqrt(q * np.exp(1.0 - q)), rtol=1e-4)
