@@ -47,7 +47,8 @@ class ActorCriticSettings:
             a corner that critics who know nothing yet point to.
         policy_delay: updates of the critics per update of the actor.
         target_noise: standard deviation of what is added to the targets' outputs, at most twice it.
-        pull: weight of the squared output in the actor's loss, against corners; $.
+        pull: weight of the squared output in the actor's loss, against corners, falling to nothing
+            along a cosine; $.
         actor: mlp, one network with an output per unit; or agents, a network per unit that sees the
             state of charge of its own unit alone.
         hidden: widths of the hidden layers.
@@ -133,7 +134,8 @@ class ActorCritic(ReplayLearner):
             value = self._values(critic, sample.now, output)[0].mean()
             critic.requires_grad_(True)
             rate = self.settings.actor_rate * progress.cosine
-            self._descend("actor", self.settings.pull * output.square().mean() - value, rate)
+            pull = self.settings.pull * progress.cosine * output.square().mean()
+            self._descend("actor", pull - value, rate)
         return float(loss.detach())
 
     def target_value(self, sample: Transitions, rng: np.random.Generator) -> torch.Tensor:
