@@ -1,12 +1,17 @@
-"""What a track does not say, from what it says: published regressions on best tracks.
+r"""What a track does not say, from what it says: published regressions on best tracks.
 
 As CLIMADA uses them, fitted to IBTrACS: pressure and wind from each other and the place, the radius
 of maximum wind piecewise linear in the pressure (r2 0.79), the environment's pressure by basin.
 Other regressions for the radius are as coded in TCHazaRds, dp in hPa and R in km.
+
+A pressure regressed on the wind is at most what the wind can go with: with air of density $\rho$
+the largest wind of Holland's profile is $\sqrt{b \Delta p / \rho e}$, and $b$ is at most 2.025, his
+limit of 2.5 times the square of 0.9, the factor to the surface (Holland 1980, 2008).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -27,6 +32,8 @@ PENV_HPA = {"NA": 1010.0, "EP": 1010.0, "SA": 1010.0, "NI": 1005.0, "SI": 1005.0
 PENV_HPA |= {"SP": 1004.0}
 PENV_DEFAULT_HPA = 1010.0
 MIN_HPA = 850.0
+DENSITY = 1.15  # of air, kg/m3
+MAX_SURFACE_B = 2.5 * 0.9**2
 HPA_PER_KNOT = -0.7357
 
 
@@ -88,6 +95,10 @@ def with_gaps_filled(
         fields: (n,) seconds, lat, lon, pressure_hpa, vmax_mps, rmw_km, penv_hpa; NaN is a gap.
         settings: how to fill them.
 
+    Returns:
+        The fields, with `pressure_from_wind` as `Track` has it where that is not None, and what
+        was filled by field.
+
     Raises:
         UsageError: an unknown regression for the radius, or basin.
     """
@@ -142,16 +153,22 @@ def _fill_intensity(fields: dict[str, Floats], settings: FillSettings, notes: _N
     no_pc, no_v = np.isnan(pc), np.isnan(v)
     knots = to_one_minute(v, agency) / KNOT_MPS
     from_v = 1026.3401 - 0.05504 * lat - 0.03536 * lon + HPA_PER_KNOT * knots
-    from_v = np.clip(from_v, MIN_HPA, fields["penv_hpa"])
+    least_deficit_pa = DENSITY * math.e * (KNOT_MPS * knots) ** 2 / MAX_SURFACE_B
+    from_v = np.minimum(from_v, fields["penv_hpa"] - least_deficit_pa / 100.0)
+    from_v = np.maximum(from_v, MIN_HPA)
     from_pc = from_one_minute(np.maximum(usual_wind_kt(lat, lon, pc), 0.0) * KNOT_MPS, agency)
     notes.add("pressure_hpa", no_pc & ~no_v, "regression on the wind")
     notes.add("vmax_mps", no_v & ~no_pc, "regression on the pressure")
-    both = no_pc & no_v
+    both, seconds = no_pc & no_v, fields["seconds"]
     for key, gap, values in (("pressure_hpa", no_pc, from_v), ("vmax_mps", no_v, from_pc)):
         notes.add(key, both, "linear in time")
-        value = np.where(gap, values, fields[key])
-        value[both] = np.interp(fields["seconds"][both], fields["seconds"][~both], value[~both])
-        fields[key] = value
+        fields[key] = np.where(gap, values, fields[key])
+    keys = ["pressure_hpa", "vmax_mps"]
+    if (no_pc & ~no_v).any():
+        fields["pressure_from_wind"] = no_pc.astype(float)
+        keys.append("pressure_from_wind")
+    for key in keys:
+        fields[key][both] = np.interp(seconds[both], seconds[~both], fields[key][~both])
 
 
 class _Notes:

@@ -44,6 +44,7 @@ def interpolated(track: Track, times: ArrayLike) -> Track:
         np.interp(clipped, x, values)
         for values in (track.penv_hpa, track.pressure_hpa, track.vmax_mps, track.rmw_km)
     )
+    from_wind = track.pressure_from_wind
     return replace(
         track,
         time=moments,
@@ -53,4 +54,5 @@ def interpolated(track: Track, times: ArrayLike) -> Track:
         vmax_mps=np.where(inside, vmax, 0.0),
         rmw_km=rmw,
         penv_hpa=penv,
+        pressure_from_wind=None if from_wind is None else np.interp(clipped, x, from_wind),
     )

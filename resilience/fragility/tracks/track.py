@@ -25,6 +25,9 @@ class Track:
         averaging_s: of `vmax_mps`: 60, 120, 180 or 600.
         filled: field -> how many of its values were filled in, and how. Empty where nothing was.
         agency: whose winds they are, a name of `averaging.AGENCIES`, or empty.
+        pressure_from_wind: 1 where the pressure is a regression on the wind, 0 where it was stated,
+            in between on the way from one to the other; None where all were stated. Wind fields
+            keep the wind where it is 1.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Track:
     averaging_s: float
     filled: dict[str, str] = field(default_factory=dict)
     agency: str = ""
+    pressure_from_wind: Floats | None = None
 
     @property
     def present(self) -> Bools:

@@ -26,6 +26,8 @@ class Eye:
         deficit_pa: pressure of the environment less that of the centre, 0 or more.
         rise_hpa_per_h: change of the central pressure since the time before; 0 at the first.
         vmax_mps: largest wind, a mean over one minute.
+        pressure_from_wind: 1 where the central pressure is a regression on the wind, 0 where it was
+            stated, in between on the way.
         east_mps, north_mps: translation since the time before, at most 30 knots; 0 at the first.
     """
 
@@ -35,6 +37,7 @@ class Eye:
     deficit_pa: Floats
     rise_hpa_per_h: Floats
     vmax_mps: Floats
+    pressure_from_wind: Floats
     east_mps: Floats
     north_mps: Floats
 
@@ -52,6 +55,7 @@ class Eye:
 def eye_of(track: Track) -> Eye:
     """The storm of a track at its own times, with winds converted to one-minute means."""
     track = one_minute(track)
+    from_wind = track.pressure_from_wind
     hours = np.diff(track.seconds) / 3600.0
     length, east, north = legs(track.lat, track.lon)
     length[length < STILL_M] = 0.0
@@ -65,6 +69,7 @@ def eye_of(track: Track) -> Eye:
         100.0 * np.maximum(track.penv_hpa - track.pressure_hpa, 0.0),
         np.r_[0.0, rise],
         track.vmax_mps,
+        np.zeros(len(track.time)) if from_wind is None else from_wind,
         np.r_[0.0, speed * east],
         np.r_[0.0, speed * north],
     )

@@ -6,6 +6,11 @@ maximum wind, $f$ the Coriolis parameter without sign, $\Delta p$ the pressure d
 1.15 kg/m3, $v_m$ the largest wind of the track, $v_t$ the speed of translation and $c(r)$ its
 share. Formulas and constants are those of CLIMADA 6.1 except for Willoughby's, which CLIMADA does
 not have.
+
+Where the pressure is a regression on the wind, nothing but the wind was stated, and Holland's
+fields keep it: they take $b$ from $v_m$ without limits, as Holland et al. 2010 do where they have a
+wind, $b = v_m^2 \rho e / \Delta p$. The $b$ of 2008 would make 138 kt of a regressed pressure for
+165 kt.
 """
 
 from __future__ import annotations
@@ -17,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.fragility.tracks.fill import DENSITY
 from resilience.fragility.wind.asymmetry import Share
 from resilience.fragility.wind.eye import Eye
 from resilience.fragility.wind.willoughby import willoughby2006
 
-DENSITY = 1.15
 GRADIENT_TO_SURFACE = 0.9
 FAR_M, FAR_MPS = 300_000.0, 17.0
 
@@ -49,19 +54,21 @@ def holland1980(r_m: Floats, eye: Eye, share: Share) -> Floats:
 
     $B = v_g^2 e \rho / \Delta p$ between 1 and 2.5 with the gradient wind $v_g = (v_m - c(R)
     v_t)/0.9$, and $v = 0.9 (\sqrt{(B/\rho) (R/r)^B \Delta p\, e^{-(R/r)^B} + (rf/2)^2} - rf/2)$.
-    Where the limits of B hold, the largest wind is not the track's.
+    Where the limits of B hold, the largest wind is not the track's; a pressure that is a regression
+    on the wind has none.
     """
     top = np.maximum(eye.vmax_mps - share(np.ones(1)) * eye.speed_mps, 0.0) / GRADIENT_TO_SURFACE
-    b = np.clip(top**2 * math.e * DENSITY / np.maximum(eye.deficit_pa, 1e-6), 1.0, 2.5)
+    b = np.clip(_b_of_wind(eye, top, 0.0), 1.0, 2.5)
+    b = _b(eye, b, top, _turning(eye))
     return GRADIENT_TO_SURFACE * _gradient(r_m, eye, b)
 
 
 def holland2008(r_m: Floats, eye: Eye, share: Share) -> Floats:
-    r"""Holland 2008: surface winds from pressure alone; the track's wind is not used.
+    r"""Holland 2008: surface winds from pressure alone; a wind stated beside it is not used.
 
     The formula of 1980 without the factor, with $b$ of `_b_2008`, less $c(r) v_t$.
     """
-    v = _gradient(r_m, eye, _b_2008(eye))
+    v = _gradient(r_m, eye, _b(eye, _b_2008(eye), eye.vmax_mps, _turning(eye)))
     return _less(v, r_m, eye, share)
 
 
@@ -71,7 +78,7 @@ def holland2010(r_m: Floats, eye: Eye, share: Share) -> Floats:
     $v_s = \sqrt{b \Delta p / \rho e}$; $x$ = 0.5 inside $R$, outside linear to the value that
     gives 17 m/s at 300 km, and at least 0.4. From pressure alone.
     """
-    b = _b_2008(eye)
+    b = _b(eye, _b_2008(eye), eye.vmax_mps, 0.0)
     top = np.sqrt(b * eye.deficit_pa / (DENSITY * math.e))
     far = (eye.rmw_m / FAR_M) ** b
     fall = np.minimum(np.log(far) + 1.0 - far, -1e-9)
@@ -111,6 +118,24 @@ MODELS: dict[str, Model] = {
         willoughby2006, "phadke2003", "Willoughby et al. 2006, Mon. Wea. Rev. 134, 1102", "wind"
     ),
 }
+
+
+def _b(eye: Eye, stated: Floats, v_mps: Floats, turning_mps: Floats | float) -> Floats:
+    """(times,) b: `stated` where the pressure was stated, that of the wind where it was not."""
+    share = eye.pressure_from_wind
+    of_wind = _b_of_wind(eye, v_mps, turning_mps)
+    return np.where(share > 0.0, share * of_wind, 0.0) + (1.0 - share) * stated
+
+
+def _b_of_wind(eye: Eye, v_mps: Floats, turning_mps: Floats | float) -> Floats:
+    r"""(times,) b with which $\sqrt{b \Delta p/(\rho e) + (t/2)^2} - t/2$ is v, t being turning."""
+    square = v_mps * (v_mps + turning_mps)
+    return DENSITY * math.e * square / np.maximum(eye.deficit_pa, 1e-6)
+
+
+def _turning(eye: Eye) -> Floats:
+    """(times,) m/s of the Earth at R, which a gradient wind lacks."""
+    return eye.rmw_m * eye.coriolis_per_s
 
 
 def _b_2008(eye: Eye) -> Floats:

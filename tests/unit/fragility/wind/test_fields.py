@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from resilience.fragility.tracks import Track
+from resilience.fragility.tracks import Track, ensemble, interpolated
 from resilience.fragility.wind import MODELS, wind
 from tests.cyclones import around, cyclone
 
@@ -82,7 +83,8 @@ def test_falling_outside_rising_inside(model: str) -> None:
 
 def test_holland_1980_has_limits_for_b() -> None:
     """A deficit of 200 hPa is too deep for 50 m/s: B = 1, sqrt(dp / (rho e)) 0.9 = 71.97 m/s."""
-    deep = cyclone(at=EQUATOR, pressure_hpa=850.0, penv_hpa=1050.0)
+    track = cyclone(at=EQUATOR)  # no storm of 50 m/s is as deep: a reader would refuse it
+    deep = replace(track, pressure_hpa=np.full(9, 850.0), penv_hpa=np.full(9, 1050.0))
     found = along_a_ray("holland1980", deep, np.array([R]))[0]
     assert found == pytest.approx(0.9 * np.sqrt(20_000 / (1.15 * math.e)), rel=1e-6)
 
@@ -207,7 +209,7 @@ def test_willoughby_by_hand(
     lat: float, vmax: float, rmw_km: float, inside_km: float, outside_km: float
 ) -> None:
     """Equations 2 to 10 of Willoughby, Darling and Rahn 2006, with the Gulf's regressions."""
-    track = cyclone(at=(lat, 115.0), vmax_mps=vmax, rmw_km=rmw_km)
+    track = cyclone(at=(lat, 115.0), vmax_mps=vmax, pressure_hpa=None, rmw_km=rmw_km)
     v, phi = vmax / 0.9, abs(lat)
     n, x1 = 0.4067 + 0.0144 * v - 0.0038 * phi, 317.1 - 2.026 * v + 1.915 * phi
     a = max(0.0696 + 0.0049 * v - 0.0064 * phi, 0.0)
@@ -263,3 +265,52 @@ def test_a_radius_of_maximum_wind_where_the_profile_is_pinned_has_its_top() -> N
     top = math.sqrt(b * 100.0 * deficit / (1.15 * math.e))
     q = (wide / inside) ** b
     np.testing.assert_allclose(speed, top * np.sqrt(q * np.exp(1.0 - q)), rtol=1e-4)
+
+
+@pytest.mark.parametrize("model", ["holland1980", "holland2008", "holland2010", "willoughby2006"])
+@pytest.mark.parametrize("knots", [35.0, 65.0, 135.0, 165.0])
+@pytest.mark.parametrize("lat", [20.0, -13.0])
+def test_a_track_of_winds_alone_keeps_its_winds(model: str, knots: float, lat: float) -> None:
+    """One-minute winds, no pressure, no radius: somewhere around the eye blows what was stated."""
+    mps = knots * 0.514444
+    track = cyclone(
+        at=(lat, 120.0), move=(0.0, -0.17), vmax_mps=mps, pressure_hpa=None, rmw_km=None,
+        penv_hpa=None,
+    )  # fmt: skip
+    here = float(track.lat[4]), float(track.lon[4])
+    # North of a storm that moves west its motion adds to the wind, south of the equator south.
+    places = around(here, np.linspace(5e3, 200e3, 4000), 0.0 if lat > 0 else 180.0)
+    blown = wind(track, *places, model=model).speed_mps[:, 4].max()
+    assert blown == pytest.approx(mps, rel=0.01, abs=0.3)
+
+
+def test_a_stated_pressure_decides_where_it_was_stated() -> None:
+    """165 kt with 894 hPa: what Holland 2008 makes of the pressure, whatever the wind."""
+
+    def top(vmax_mps: float) -> float:
+        track = cyclone(at=EQUATOR, vmax_mps=vmax_mps, pressure_hpa=894.0)
+        return float(wind(track, *around(EQUATOR, R, 90.0), model="holland2008").speed_mps[0, 4])
+
+    assert top(84.9) == top(72.0)
+    # Points without a pressure keep their wind, those between them with one are of the pressure.
+    pressure = np.array([940.0, np.nan] * 4 + [940.0])
+    mixed = cyclone(at=EQUATOR, pressure_hpa=pressure)
+    np.testing.assert_array_equal(mixed.pressure_from_wind, [0, 1, 0, 1, 0, 1, 0, 1, 0])
+    speeds = wind(mixed, *around(EQUATOR, R, 90.0), model="holland2008").speed_mps[0]
+    assert speeds[1] == pytest.approx(50.0, rel=1e-6)
+    b = 1.0 + 0.7 - 4.4e-5 * 70**2 + 0.03 * (940.0 - mixed.pressure_hpa[3]) / 6.0
+    assert speeds[4] == pytest.approx(np.sqrt(b * 7000 / (1.15 * math.e)), rel=1e-6)
+    between = interpolated(mixed, mixed.time[0] + np.timedelta64(3 * 3600, "s") * np.arange(3))
+    assert between.pressure_from_wind is not None
+    np.testing.assert_allclose(between.pressure_from_wind, [0.0, 0.5, 1.0])
+
+
+def test_members_of_an_ensemble_of_winds_keep_theirs() -> None:
+    track = cyclone(vmax_mps=60.0, pressure_hpa=None, rmw_km=None)
+    for member in ensemble(
+        track, 3, np.random.default_rng(5), along_km_per_day=0.0, cross_km_per_day=0.0
+    ):
+        here = float(member.lat[6]), float(member.lon[6])
+        places = around(here, np.linspace(5e3, 200e3, 2000), 90.0)
+        blown = wind(member, *places, model="holland2008").speed_mps[:, 6].max()
+        assert blown == pytest.approx(member.vmax_mps[6], rel=0.01)
