@@ -28,7 +28,7 @@ class BestTrack(NamedTuple):
     rows: tuple[tuple[str, float, float, float, float], ...]
 
     def track(self, averaging_s: float | None = None, penv_hpa: float | None = None) -> Track:
-        """As a track, its wind taken for a mean over so long."""
+        """As a track of its agency, or its wind taken for a mean over so long."""
         time, lat, lon, pressure, wind = zip(*self.rows, strict=True)
         columns: dict[str, Sequence[Any]] = {
             "time": list(np.array(time, "datetime64[s]")),
@@ -37,7 +37,8 @@ class BestTrack(NamedTuple):
             "pressure_hpa": pressure,
             "vmax_mps": wind,
         }
-        return track_of(columns, averaging_s=averaging_s or self.averaging_s, penv_hpa=penv_hpa)
+        whose = "" if averaging_s else self.agency
+        return track_of(columns, averaging_s=averaging_s, agency=whose, penv_hpa=penv_hpa)
 
 
 RAMMASUN = BestTrack(

@@ -99,6 +99,13 @@ Averaging = Annotated[
     float | None,
     Option(help="Seconds that the track's wind is averaged over, where its file does not say."),
 ]
+Agency = Annotated[
+    str | None,
+    Option(
+        help="Whose winds: the columns of IBTrACS, or the practice of a plain CSV file's agency: "
+        "usa, tokyo, cma, hko, newdelhi, reunion, bom, nadi, wellington."
+    ),
+]
 HazardPicture = Annotated[
     Path | None, Option("--plot", help="Map and curves: a .png, .pdf or .svg file.")
 ]

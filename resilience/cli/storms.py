@@ -38,6 +38,7 @@ def scenarios(
     track: options.Track = None,
     storm: options.TrackStorm = None,
     averaging_s: options.Averaging = None,
+    agency: options.Agency = None,
     shift: bell_options.Shift = 0.0,
     reduce: bell_options.Reduce = None,
     as_json: options.AsJson = False,
@@ -68,7 +69,7 @@ def scenarios(
     }
     drawn = draw(
         loaded, n, seed, days=days, shift=shift,
-        track=track, storm=storm, averaging_s=averaging_s, **bell,
+        track=track, storm=storm, averaging_s=averaging_s, agency=agency, **bell,
     )  # fmt: skip
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
@@ -97,6 +98,7 @@ def hazard(
     track: options.Track = None,
     storm: options.TrackStorm = None,
     averaging_s: options.Averaging = None,
+    agency: options.Agency = None,
     n: Annotated[int, typer.Option("-n", help="Storms drawn for islands.", min=1)] = 1000,
     seed: Annotated[int, typer.Option(help="Of these storms.", min=0)] = 0,
     out: options.HazardFolder = None,
@@ -109,7 +111,9 @@ def hazard(
 
     if plot is not None:
         check_picture(plot)
-    result = rs.hazard(case, track, storm=storm, averaging_s=averaging_s, n=n, seed=seed)
+    result = rs.hazard(
+        case, track, storm=storm, averaging_s=averaging_s, agency=agency, n=n, seed=seed
+    )
     if out is not None:
         result.save(out)
     if plot is not None:

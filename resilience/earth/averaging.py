@@ -2,8 +2,11 @@
 
 Agencies report the largest wind as means over 1, 2, 3 or 10 minutes, and estimate it in different
 ways. The relations v = a v(1 min) + b, in knots, are those CLIMADA uses for the agency columns of
-IBTrACS. Winds of no known agency are converted by their averaging time alone: 10 minutes by 0.88,
-the convention of the agencies of the southern hemisphere, 2 minutes as CMA's, 3 as New Delhi's.
+IBTrACS. They are practice, not physics: CMA's two minutes are raised more than ten minutes are
+elsewhere. Winds of no known agency are converted by their averaging time alone, `NAMELESS`: the
+longer the mean, the lower. The factors are those of Harper, Kepert and Ginger 2010 (WMO/TD-No.
+1555) at sea: 0.93 for ten minutes as recommended, 1.02/1.05 and 1.00/1.05 for two and three, the
+ratios of their gust factors of two, three and one minute in ten.
 """
 
 from __future__ import annotations
@@ -45,10 +48,10 @@ AGENCIES: dict[str, Agency] = {
     "wellington": Agency(600.0, 0.88),
 }
 NAMELESS: dict[float, Agency] = {
-    60.0: AGENCIES["usa"],
-    120.0: AGENCIES["cma"],
-    180.0: AGENCIES["newdelhi"],
-    600.0: AGENCIES["bom"],
+    60.0: Agency(60.0, 1.0),
+    120.0: Agency(120.0, 1.02 / 1.05),
+    180.0: Agency(180.0, 1.00 / 1.05),
+    600.0: Agency(600.0, 0.93),
 }
 
 

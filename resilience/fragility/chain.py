@@ -182,7 +182,8 @@ def case_track(case: Case) -> Track:
     if table.rmw_km is not None:
         columns["rmw_km"] = [table.rmw_km] * len(time)
     return track_of(
-        columns, averaging_s=table.averaging_s, name=table.name, source=table.source,
+        columns, averaging_s=table.averaging_s, agency=table.agency,
+        name=table.name, source=table.source,
         basin=table.basin, penv_hpa=table.penv_hpa, rmw=table.rmw, file=case.name,
     )  # fmt: skip
 
@@ -193,6 +194,7 @@ def reader(
     *,
     storm: str | None = None,
     averaging_s: float | None = None,
+    agency: str | None = None,
 ) -> Callable[[], Track] | None:
     """What reads the track in a file, or None without one, for `storm`.
 
@@ -200,17 +202,22 @@ def reader(
         UsageError: no file, and something said of it.
     """
     if path is not None:
-        return lambda: file_track(case, path, storm=storm, averaging_s=averaging_s)
-    if storm is not None or averaging_s is not None:
+        return lambda: file_track(case, path, storm=storm, averaging_s=averaging_s, agency=agency)
+    if (storm, averaging_s, agency) != (None, None, None):
         raise UsageError(
-            "the name or averaging time of a storm in a track file, and no file",
+            "the name, averaging time or agency of a storm in a track file, and no file",
             hint="add --track FILE",
         )
     return None
 
 
 def file_track(
-    case: Case, path: str | Path, *, storm: str | None = None, averaging_s: float | None = None
+    case: Case,
+    path: str | Path,
+    *,
+    storm: str | None = None,
+    averaging_s: float | None = None,
+    agency: str | None = None,
 ) -> Track:
     """The track in a file; what it leaves open is filled as the case's `[storm]` says.
 
@@ -219,13 +226,14 @@ def file_track(
         path: of the file.
         storm: which one, of several.
         averaging_s: of its winds, where it does not say.
+        agency: whose winds, of several in the file, or where it does not say.
 
     Raises:
         CaseError, UsageError: as `tracks.read_track`.
     """
     table = case.storm or StormTable()
     track = read_track(
-        path, storm=storm, averaging_s=averaging_s,
+        path, storm=storm, averaging_s=averaging_s, agency=agency,
         basin=table.basin or None, penv_hpa=table.penv_hpa, rmw=table.rmw,
     )  # fmt: skip
     return track if track.name else replace(track, name=Path(path).stem)

@@ -154,7 +154,7 @@ def sample_case(case: Case, n: int, seed: int) -> Scenarios:
     return sample_bell(case, case_bell(case), n, seed)
 
 
-def draw(
+def draw(  # noqa: PLR0913 every one is an option of the command line
     case: Case,
     n: int,
     seed: int,
@@ -163,6 +163,7 @@ def draw(
     track: str | Path | None = None,
     storm: str | None = None,
     averaging_s: float | None = None,
+    agency: str | None = None,
     shift: float = 0.0,
     **bell: Unpack[BellSettings],
 ) -> Scenarios:
@@ -176,6 +177,7 @@ def draw(
         track: file of a storm in place of the case's.
         storm: which one, of several in the file.
         averaging_s: of the file's winds, where it does not say.
+        agency: whose winds, of several in the file, or where it does not say.
         shift: of the common strength of a storm's poles; see `storms.Sampling`.
         bell: settings of the bell; any of them that is not None asks for it.
 
@@ -203,7 +205,7 @@ def draw(
             f"{days} days of a storm; allowed: the case's horizon, {case.window}",
             hint="a storm comes once; leave out --days",
         )
-    read = reader(case, track, storm=storm, averaging_s=averaging_s)
+    read = reader(case, track, storm=storm, averaging_s=averaging_s, agency=agency)
     return storm_scenarios(case, n, seed, read, shift)
 
 

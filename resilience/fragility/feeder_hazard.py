@@ -201,6 +201,7 @@ def hazard(
     *,
     storm: str | None = None,
     averaging_s: float | None = None,
+    agency: str | None = None,
     n: int = 1000,
     seed: int = 0,
 ) -> Hazard:
@@ -211,6 +212,7 @@ def hazard(
         track: file of the storm; the case's own if omitted.
         storm: which one, of several in the file.
         averaging_s: of the file's winds, where it does not say.
+        agency: whose winds, of several in the file, or where it does not say.
         n: storms drawn, for islands.
         seed: of these.
 
@@ -219,7 +221,7 @@ def hazard(
         UsageError: as `chain.storm`, or something said of a track file that is not given.
     """
     case = case if isinstance(case, Case) else load_case(case)
-    read = chain.reader(case, track, storm=storm, averaging_s=averaging_s)
+    read = chain.reader(case, track, storm=storm, averaging_s=averaging_s, agency=agency)
     case_storm = chain.storm(case, read, every_line=True)
     drawn = case_storm.scenarios(n, seed)
     return Hazard(case_storm, drawn, likely(case, drawn))

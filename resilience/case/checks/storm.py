@@ -13,8 +13,8 @@ from resilience.case.checks.parts import Parts
 from resilience.case.document import Finding
 from resilience.case.reading import show
 from resilience.case.schema import StormTable
-from resilience.earth.averaging import KNOT_MPS, NAMELESS
-from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
+from resilience.earth.averaging import AGENCIES, KNOT_MPS, NAMELESS
+from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, odd_winds
 
 _LIMITS = (
     (1, "latitude", -90.0, 90.0, "degrees north come after the time"),
@@ -36,12 +36,7 @@ def storm_findings(storm: StormTable) -> Iterator[Finding]:
     points = storm.points or ()
     if not points:
         return
-    if storm.averaging_s is None:
-        hint = "NHC and JTWC average over 60 s, CMA over 120, JMA and most others over 600"
-        yield "averaging_s", "nothing", "the seconds over which vmax is averaged", hint
-    elif storm.averaging_s not in NAMELESS:
-        allowed = ", ".join(f"{s:g}" for s in NAMELESS)
-        yield "averaging_s", f"{storm.averaging_s:g}", allowed, "seconds, not minutes"
+    yield from _averaging(storm)
     if len(points) < 2:
         yield "points", f"{len(points)} point", "2 or more", "a track goes from point to point"
     yield from _times(storm)
@@ -56,7 +51,23 @@ def storm_findings(storm: StormTable) -> Iterator[Finding]:
         hint = "one is regressed from the other, points with neither are filled in time"
         yield "points", "neither pressure nor wind in any point", allowed, hint
     yield from _leaps(storm)
-    yield from _in_knots(storm)
+    yield from _odd_winds(storm)
+
+
+def _averaging(storm: StormTable) -> Iterator[Finding]:
+    agency = AGENCIES.get(storm.agency)
+    if storm.agency and agency is None:
+        hint = "leave it out where none of these made the winds"
+        yield "agency", show(storm.agency), ", ".join(AGENCIES), hint
+    if storm.averaging_s is None and not storm.agency:
+        hint = "NHC and JTWC average over 60 s, CMA over 120, JMA and most others over 600"
+        yield "averaging_s", "nothing", "the seconds over which vmax is averaged", hint
+    elif storm.averaging_s is not None and storm.averaging_s not in NAMELESS:
+        allowed = ", ".join(f"{s:g}" for s in NAMELESS)
+        yield "averaging_s", f"{storm.averaging_s:g}", allowed, "seconds, not minutes"
+    elif agency and storm.averaging_s not in (None, agency.averaging_s):
+        allowed, hint = f"{agency.averaging_s:g}, as {storm.agency}", "leave one of the two out"
+        yield "averaging_s", f"{storm.averaging_s:g}", allowed, hint
 
 
 def _times(storm: StormTable) -> Iterator[Finding]:
@@ -82,15 +93,18 @@ def _leaps(storm: StormTable) -> Iterator[Finding]:
         yield f"points[{leap.point + 1}]", leap.text, leap.allowed, leap.hint
 
 
-def _in_knots(storm: StormTable) -> Iterator[Finding]:
+def _odd_winds(storm: StormTable) -> Iterator[Finding]:
     """A wind beyond its limit is a finding of its own."""
     if any(point[4] > _LIMITS[-1][3] for point in storm.points):
         return
-    agency = NAMELESS.get(storm.averaging_s or 0.0, NAMELESS[60.0])
+    nameless = NAMELESS.get(storm.averaging_s or 0.0, NAMELESS[60.0])
+    agency = AGENCIES.get(storm.agency, nameless)
     lat, lon, pressure, vmax = _columns(storm)
-    odd = too_strong(lat, lon, pressure, vmax, agency)
+    odd = odd_winds(lat, lon, pressure, vmax, agency)
     if odd is not None:
         hint = f"probably knots given as m/s; multiply by {KNOT_MPS}"
+        if odd.weak:
+            hint = "points hold m/s, hPa before them; write nan where the wind is unknown"
         yield "points", odd.text(f"points[{odd.point + 1}]"), odd.allowed, hint
 
 

@@ -128,7 +128,13 @@ class StormTable(Table):
     )
     averaging_s: Positive | None = Field(
         None,
-        description="time over which vmax is averaged, s: 60, 120, 180 or 600; needed with points",
+        description="time over which vmax is averaged, s: 60, 120, 180 or 600; needed with points "
+        "unless the agency says it",
+    )
+    agency: str = Field(
+        "",
+        description="whose winds the points are: usa, tokyo, cma, hko, newdelhi, reunion, bom, "
+        "nadi or wellington; its practice makes one-minute means of them; absent: averaging_s does",
     )
     utc_offset_h: float = Field(0.0, ge=-12, le=14, description="local time less UTC, h")
     day: date | None = Field(

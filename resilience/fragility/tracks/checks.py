@@ -10,7 +10,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints, Times
 from resilience.earth.averaging import AGENCIES, NAMELESS
-from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, too_strong
+from resilience.earth.plausible import LON_HIGH, LON_LOW, leaps, odd_winds
 from resilience.errors import Mistake
 
 
@@ -40,6 +40,9 @@ LIMITS: dict[str, Limit] = {
     "penv_hpa": Limit(900.0, 1080.0, "hPa", "1010 hPa is usual"),
     "rmw_km": Limit(1.0, 500.0, "km", "a radius in nautical miles belongs in a column `rmw_nmi`"),
 }
+WEAK_HINT = (
+    "m/s belong in a column `vmax_mps`, knots in `vmax_kt`; leave out winds that are unknown"
+)
 
 
 def mistakes(
@@ -49,6 +52,8 @@ def mistakes(
     rows: Ints,
     averaging_s: float | None,
     agency: str = "",
+    *,
+    fixed_units: bool = False,
 ) -> Iterator[Mistake]:
     """Every mistake of a track.
 
@@ -59,6 +64,7 @@ def mistakes(
         rows: (n,) line of the file, for messages.
         averaging_s: of the wind; None if unknown.
         agency: whose winds they are, a name of `AGENCIES`, or empty.
+        fixed_units: the file's format fixes the unit of winds: an odd one is the storm's own.
     """
     yield from _averaging(file, averaging_s)
     if len(time) < 2:
@@ -69,7 +75,8 @@ def mistakes(
     yield from _ranges(file, fields, rows)
     yield from _gaps(file, fields, rows)
     yield from _leaps(file, time, fields, rows)
-    yield from _strength(file, fields, rows, averaging_s, agency)
+    if not fixed_units:
+        yield from _strength(file, fields, rows, averaging_s, agency)
 
 
 def _averaging(file: str, averaging_s: float | None) -> Iterator[Mistake]:
@@ -147,13 +154,12 @@ def _leaps(file: str, time: Times, fields: dict[str, Floats], rows: Ints) -> Ite
 def _strength(
     file: str, fields: dict[str, Floats], rows: Ints, averaging_s: float | None, agency: str
 ) -> Iterator[Mistake]:
-    """Winds in another unit, told by the pressures; one beyond the limit is reported as such."""
+    """Winds in another unit, or none, told by the pressures; beyond `LIMITS` is reported there."""
     if _outside("vmax_mps", fields["vmax_mps"]).any():
         return
     whose = AGENCIES.get(agency) or NAMELESS.get(averaging_s or 0.0, AGENCIES["usa"])
-    odd = too_strong(
-        fields["lat"], fields["lon"], fields["pressure_hpa"], fields["vmax_mps"], whose
-    )
+    odd = odd_winds(fields["lat"], fields["lon"], fields["pressure_hpa"], fields["vmax_mps"], whose)
     if odd is not None:
-        wind, hint = odd.text(f"row {rows[odd.point]}"), LIMITS["vmax_mps"].hint
+        hint = WEAK_HINT if odd.weak else LIMITS["vmax_mps"].hint
+        wind = odd.text(f"row {rows[odd.point]}")
         yield Mistake(file, "track", "vmax_mps", wind, odd.allowed, hint)

@@ -57,7 +57,7 @@ QUANTITY_LIKE = re.compile("vmax|wind|pressure|rmw|penv")
 QUANTITY_WORDS = {"vm", "pc", "pres", "msw", "mslp", "pmin", "poci", "rmax"}
 QUALIFIERS = {"direction", "dir", "radii", "source", "quality", "flag", "note"}
 EMPTY = ("", "na", "n/a", "nan", "none", "-")
-GAPS = (-99.0, -999.0)  # in agencies' files; a longitude may well be -99
+GAPS = (-99.0, -999.0, -9999.0, 9999.0)  # in agencies' files; a longitude may well be -99
 
 
 @dataclass
@@ -74,6 +74,7 @@ class About:
         penv_hpa: pressure of the environment where no column says it; by basin if None.
         rmw: regression for a missing radius of maximum wind, a name of `RADII`.
         rows: (n,) line of the file of each row, for messages; from 1 if omitted.
+        fixed_units: the file's format fixes the unit of winds.
         mistakes: noted so far.
     """
 
@@ -86,6 +87,7 @@ class About:
     penv_hpa: float | None = None
     rmw: str = "ibtracs"
     rows: Sequence[int] | None = None
+    fixed_units: bool = False
     mistakes: list[Mistake] = field(default_factory=list)
 
     def wrong(self, row: int | str, key: str, value: object, allowed: str, hint: str) -> None:
@@ -137,11 +139,11 @@ def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
             fields[target] = scale * _numbers(key, named[key], rows, about)
     about.averaging_s = _averaging(named, rows, about)
     reported = {(mistake.table, mistake.key) for mistake in about.mistakes}
-    about.mistakes += [
-        mistake
-        for mistake in mistakes(about.file, time, fields, rows, about.averaging_s, about.agency)
-        if (mistake.table, mistake.key) not in reported
-    ]
+    more = mistakes(
+        about.file, time, fields, rows, about.averaging_s, about.agency,
+        fixed_units=about.fixed_units,
+    )  # fmt: skip
+    about.mistakes += [m for m in more if (m.table, m.key) not in reported]
     if about.mistakes:
         raise CaseError(sorted(about.mistakes, key=_row))
     return _finished(time, fields, about)

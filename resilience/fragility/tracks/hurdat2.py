@@ -2,7 +2,7 @@
 
 A header `AL092017, HARVEY, 74,` and that many rows: date, time, record, status, latitude,
 longitude, wind (kt), pressure (hPa), twelve radii, and since 2021 the radius of maximum wind
-(nmi). -99 and -999 are gaps.
+(nmi). -99, -999 and 9999 are gaps.
 """
 
 from __future__ import annotations

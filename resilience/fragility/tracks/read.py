@@ -24,12 +24,14 @@ class TrackFormat:
     Attributes:
         matches: whether a file's first line, comments left out, begins a file of this format.
         parse: the track from a file's text, what is known of the file, the storm, the agency.
+        fixed_units: every file of it has winds in one unit.
         agency: whose best tracks they are; "" where files say, or the caller.
         basin: of the agency's storms; "" where files say.
     """
 
     matches: Callable[[str], bool]
     parse: Parser
+    fixed_units: bool = True
     agency: str = ""
     basin: str = ""
 
@@ -57,7 +59,7 @@ FORMATS: dict[str, TrackFormat] = {
         agency="cma",
         basin="WP",
     ),
-    "csv": TrackFormat(lambda line: False, _of_one_agency(plain.parse)),
+    "csv": TrackFormat(lambda line: False, _of_one_agency(plain.parse), fixed_units=False),
 }
 """Every format; a file that matches none is a CSV file."""
 
@@ -110,7 +112,7 @@ def read_track(
             hint="leave out the format",
         )
     agency = options.get("agency")
-    about = About(file=path.name, averaging_s=averaging_s)
+    about = About(file=path.name, averaging_s=averaging_s, fixed_units=FORMATS[looks].fixed_units)
     about.agency, about.basin = stated.agency or (agency or "").lower(), stated.basin
     if stated.agency and agency not in (None, stated.agency):
         raise UsageError(

@@ -12,6 +12,7 @@ from resilience.case.checks.geography import geography_findings
 from resilience.case.schema import CurveTable, GeographyTable, LineTable, StormTable
 from resilience.errors import CaseError, Mistake
 from resilience.fragility.chain import case_track, storm
+from resilience.fragility.tracks import one_minute
 from tests.unit.case.valid import VALID
 
 PLACES = {"1": (22.00, 120.70), "2": (22.01, 120.71), "3": (22.02, 120.72), "4": (22.03, 120.73)}
@@ -104,13 +105,13 @@ def test_knots_for_metres_per_second_are_found_by_the_pressure(tmp_path: Path) -
 
 
 def test_knots_are_told_by_one_minute_winds(tmp_path: Path) -> None:
-    """82 m/s at 930 hPa, where 1.4 * 113.4 + 15 = 173.8 kt, 89.4 m/s: 82 / 0.88 are 93.2."""
-    text = placed(VALID) + STORM.replace(", 54]", ", 82]").replace("945, 47]", "930, 82]")
+    """85 m/s at 930 hPa, where 1.4 * 113.4 + 15 = 173.8 kt, 89.4 m/s: 85 / 0.93 are 91.4."""
+    text = placed(VALID) + STORM.replace(", 54]", ", 85]").replace("945, 47]", "930, 85]")
     (tmp_path / "case.toml").write_text(text.replace("averaging_s = 600", "averaging_s = 60"))
     assert load_case(tmp_path / "case.toml").storm is not None
     (found,) = mistakes(text, tmp_path)
     assert found.key == "points"
-    assert found.value.startswith("82 m/s at 930 hPa in points[")
+    assert found.value.startswith("85 m/s at 930 hPa in points[")
 
 
 def test_a_slip_is_found_beside_other_mistakes(tmp_path: Path) -> None:
@@ -244,3 +245,43 @@ def test_a_storm_of_another_day_misses_the_horizon() -> None:
     moved = case.storm.model_copy(update={"day": None, "laid_on": None, "points": ()})
     with pytest.raises(rs.UsageError, match="misses the horizon"):
         storm(case.replace(storm=moved), case_track(case))
+
+
+@pytest.mark.parametrize(
+    ("points", "hint"),
+    [
+        # Metres per second made of metres per second, as if they were knots: 54 becomes 27.8.
+        (STORM.replace(", 54]", ", 27.8]").replace(", 47]", ", 24.2]"), "nan where"),
+        (STORM.replace(", 54]", ", 0]").replace(", 47]", ", 0]"), "nan where"),
+    ],
+)
+def test_winds_too_weak_for_their_pressures_are_a_slip(
+    points: str, hint: str, tmp_path: Path
+) -> None:
+    """930 hPa at 22 N 122 E go with 113.4 kt, 54.3 m/s over ten minutes; 0.55 of it are 29.8."""
+    (found,) = mistakes(placed(VALID) + points, tmp_path)
+    assert found.key == "points"
+    assert found.allowed == "30 m/s or more there; 54 is usual"
+    assert hint in found.hint
+    weak = STORM.replace(", 54]", ", 33]").replace(", 47]", ", 29]")
+    (tmp_path / "case.toml").write_text(placed(VALID) + weak, encoding="utf-8")
+    assert load_case(tmp_path / "case.toml").storm is not None
+
+
+def test_points_are_one_agencys_where_the_case_says_so(tmp_path: Path) -> None:
+    """RSMC Tokyo reports 0.60 v + 23.3 kt: 54 m/s are (104.97 - 23.3) / 0.6 = 136.1 kt."""
+    path = tmp_path / "case.toml"
+    stated = STORM.replace("averaging_s = 600", 'agency = "tokyo"')
+    path.write_text(placed(VALID) + stated, encoding="utf-8")
+    track = case_track(load_case(path))
+    assert (track.averaging_s, track.agency) == (600.0, "tokyo")
+    assert one_minute(track).vmax_mps[0] == pytest.approx(136.1 * 0.514444, rel=1e-3)
+    plain = placed(VALID) + STORM
+    path.write_text(plain, encoding="utf-8")
+    assert one_minute(case_track(load_case(path))).vmax_mps[0] == pytest.approx(54.0 / 0.93)
+    for wrong, key in (
+        (stated.replace("tokyo", "jma"), "agency"),
+        (stated.replace("tokyo", "cma") + "averaging_s = 600\n", "averaging_s"),
+    ):
+        (found,) = mistakes(placed(VALID) + wrong, tmp_path)
+        assert found.key == key

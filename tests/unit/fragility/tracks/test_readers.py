@@ -295,3 +295,50 @@ def test_shared_peaks_are_where_they_should_be() -> None:
     strong = koinu.time[koinu.vmax_mps == koinu.vmax_mps.max()]
     assert strong[0] == np.datetime64("2023-10-04T12:00")
     assert strong[-1] == np.datetime64("2023-10-04T18:00")
+
+
+# Rows of the best tracks of the east and central Pacific, CP022002 and EP121976.
+ELE = """\
+CP022002,                ELE,      4,
+20020826, 0000,  , TD, 10.4N, 162.0W,  15, 9999, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+20020826, 0600,  , TD, 10.4N, 163.1W,  25, 1008, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+20020827, 0600,  , TS, 10.2N, 168.7W,  40, 1002, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+20020827, 1200,  , TS, 10.0N, 170.9W,  60,  990, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+"""
+LIZA = """\
+EP121976,               LIZA,      3,
+19760930, 1800,  , HU, 22.6N, 108.9W, 120,  971, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+19761001, 0600,  , HU, 25.0N, 109.4W, 115, -999, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+19761001, 1200,  , HU, 26.3N, 109.4W, 110, -999, -999, -999, -999, -999, -999, -999, -999, -999, \
+-999, -999, -999, -999,
+"""
+
+
+def test_9999_is_a_gap_in_hurdat2(tmp_path: Path) -> None:
+    track = read_track(written(tmp_path, ELE))
+    assert track.filled["pressure_hpa"] == "1 of 4: regression on the wind"
+    np.testing.assert_allclose(track.pressure_hpa[1:], [1008.0, 1002.0, 990.0])
+    assert track.pressure_from_wind is not None
+    np.testing.assert_array_equal(track.pressure_from_wind, [1, 0, 0, 0])
+
+
+def test_odd_winds_are_the_storms_own_where_the_format_fixes_the_unit(tmp_path: Path) -> None:
+    """971 hPa go with 74.7 kt there, so that 120 kt would be too strong in a plain CSV file."""
+    track = read_track(written(tmp_path, LIZA))
+    np.testing.assert_allclose(track.vmax_mps, 0.514444 * np.array([120, 115, 110]))
+    rows = "time,lat,lon,vmax_kt,pressure_hpa\n1976-09-30T18:00,22.6,-108.9,120,971\n"
+    plain = written(tmp_path, rows + "1976-10-01T06:00,25.0,-109.4,115,\n", "plain.csv")
+    with pytest.raises(CaseError, match=r"61\.73 m/s at 971 hPa in row 2"):
+        read_track(plain, averaging_s=60)
+    with pytest.raises(CaseError, match=r"61\.73 m/s at 971 hPa in row 2"):
+        read_track(plain, format="hurdat2")  # whose heading says the unit, as any CSV file's does
+    cma = CMA.replace("900      65", "985      65").replace("888      72", "985      72")
+    assert read_track(written(tmp_path, cma), storm="1409").pressure_hpa[0] == 985.0
+    ibtracs = IBTRACS.replace("120,935,", "120,990,").replace("115,938,", "115,990,")
+    assert read_track(written(tmp_path, ibtracs), storm="koinu").pressure_hpa[0] == 990.0
