@@ -20,7 +20,7 @@ from resilience.case.document import Document, Place, TomlTable, find_case, read
 from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.network import did_you_mean
-from resilience.case.networks.read import finish_network, read_feeder
+from resilience.case.networks.read import cables, finish_network, read_feeder
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.profiles import read_profiles
 from resilience.case.reading import read_list, read_table, show, unknown_key
@@ -214,7 +214,7 @@ def _read_network(parts: Parts) -> None:
         parts.network = finish_network(network, table, lines)
         if parts.storm is not None and parts.storm.lines == "all":
             usable = network.in_service | parts.network.switchable
-            usable[[network.line(line.name) for line in lines if line.underground]] = False
+            usable &= ~cables(network, lines)
             parts.network = replace(parts.network, breakpoint=usable)
         parts.places = feeder.places
 

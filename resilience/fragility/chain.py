@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.networks.read import cables
 from resilience.case.schema import StormTable
 from resilience.errors import CaseError, Mistake, UsageError, together
 from resilience.fragility.coverage import check_ends, check_overlap
@@ -26,7 +27,6 @@ from resilience.fragility.lines.damage import Timing, failed_by, hazard
 from resilience.fragility.lines.geography import Geography, geography
 from resilience.fragility.lines.spans import SpannedLines, SpanWind, calm, span_speed
 from resilience.fragility.lines.strength import (
-    cables,
     check_names,
     lines_of,
     storm_curve,
@@ -268,12 +268,12 @@ def _spans(case: Case, place: Geography, every_line: bool) -> tuple[tuple[str, .
     network = case.network
     may = network.in_service if every_line or case.storm is None else network.breakpoint
     stands = np.bincount(place.span_line, minlength=len(may)) > 0
-    chosen = np.flatnonzero(may & stands & ~cables(case))
+    chosen = np.flatnonzero(may & stands & ~cables(network, case.line))
     if not len(chosen):
         raise UsageError(
             f"case {case.name!r} has no line that a storm may break",
-            hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`; cables, '
-            "`underground = true`, do not count",
+            hint='set lines = "all" in [storm], or mark lines with `breakpoint = true`; cables do '
+            "not count, by `underground` of [[line]] or by the network file",
         )
     spans = np.flatnonzero(np.isin(place.span_line, chosen))
     names = tuple(network.line_names[k] for k in chosen)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from resilience.case.networks.course import Course
 from resilience.case.networks.network import Network
 
 
@@ -37,6 +38,7 @@ class Branch:
         rating_mva: of apparent power.
         in_service: False where it exists and is out of use.
         name: the source's; empty where it has none that tells anything.
+        course: how it runs; None where the source says nothing of it.
     """
 
     from_bus: str
@@ -46,6 +48,7 @@ class Branch:
     rating_mva: float = float("inf")
     in_service: bool = True
     name: str = ""
+    course: Course | None = None
 
 
 @dataclass(frozen=True)
@@ -106,12 +109,13 @@ def make_network(
     index = {name: i for i, (name, _) in enumerate(buses)}
     index |= {alias: index[name] for alias, name in (aliases or {}).items()}
     count, fixed = len(branches), np.zeros(len(branches), dtype=np.bool_)
+    line_names = unique_names(b.name or f"{b.from_bus}-{b.to_bus}" for b in branches)
     return Network(
         bus_names=tuple(name for name, _ in buses),
         vn_kv=np.array([vn for _, vn in buses], dtype=np.float64),
         v_min_pu=np.full(len(buses), 0.9),
         v_max_pu=np.full(len(buses), 1.1),
-        line_names=unique_names(b.name or f"{b.from_bus}-{b.to_bus}" for b in branches),
+        line_names=line_names,
         from_bus=np.array([index[b.from_bus] for b in branches], dtype=np.int64).reshape(count),
         to_bus=np.array([index[b.to_bus] for b in branches], dtype=np.int64).reshape(count),
         r_pu=np.array([b.r_pu for b in branches], dtype=np.float64),
@@ -122,6 +126,11 @@ def make_network(
         switching_cost=np.zeros(count),
         breakpoint=fixed.copy(),
         aliases=dict(aliases or {}),
+        courses={
+            name: b.course
+            for name, b in zip(line_names, branches, strict=True)
+            if b.course is not None
+        },
     )
 
 

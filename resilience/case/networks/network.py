@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.networks.course import Course
 from resilience.errors import UsageError
 
 
@@ -46,6 +47,7 @@ class Network:
         breakpoint: (lines,) whether it can fail.
         parallel_grids: whether several grid connections may feed one tree of closed lines.
         aliases: names of buses that a closed switch fuses to the one that stands for them.
+        courses: how lines run, by name, of those whose source says anything of it.
     """
 
     bus_names: tuple[str, ...]
@@ -64,6 +66,7 @@ class Network:
     breakpoint: Bools
     parallel_grids: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
+    courses: Mapping[str, Course] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)
     _line_index: dict[str, int] = field(init=False, repr=False)
 

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from resilience.case.networks.course import pandapower_courses
 from resilience.case.networks.feeder import (
     Branch,
     Feeder,
@@ -230,6 +231,7 @@ def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) ->
         ("impedance", _impedance, ("from_bus", "to_bus"), ""),
     ):
         rows = tables.get(kind, [])
+        courses = pandapower_courses(rows) if kind == "line" else {}
         source_names = _source_names(rows) or {}
         for row in rows:
             start, stop = (names.get(int(row[end])) for end in ends)
@@ -238,7 +240,8 @@ def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) ->
             index = int(row["index"])
             r_pu, x_pu, rating = parameters(row, vn_kv[start], vn_kv[stop])
             up = bool(row.get("in_service", True)) and (switch, index) not in opened
-            yield Branch(start, stop, r_pu, x_pu, rating, up, source_names.get(index, ""))
+            name, course = source_names.get(index, ""), courses.get(index)
+            yield Branch(start, stop, r_pu, x_pu, rating, up, name, course)
     yield from _switch_branches(tables, names, vn_kv)
 
 

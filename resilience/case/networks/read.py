@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from resilience.arrays import Bools
+from resilience.case.networks.course import Course
 from resilience.case.networks.feeder import Branch, Feeder, FeederError, make_network
 from resilience.case.networks.matpower import feeder_from_matpower
 from resilience.case.networks.network import Network
@@ -111,3 +113,13 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         rating_mva=rating,
         parallel_grids=table.parallel_grids,
     )
+
+
+def cables(network: Network, lines: Iterable[LineTable]) -> Bools:
+    """(lines,) True where a line is underground: by its `[[line]]`, or else by its course."""
+    courses = [network.courses.get(name, Course()) for name in network.line_names]
+    underground = np.array([course.underground for course in courses], bool)
+    for line in lines:
+        if line.underground is not None:
+            underground[network.line(line.name)] = line.underground
+    return underground

@@ -72,7 +72,11 @@ class LineTable(Table):
     rating_mva: Positive | None = Field(
         None, description="thermal limit, MVA, in place of the network's"
     )
-    underground: bool = Field(False, description="true: a cable, which no storm on a track breaks")
+    underground: bool | None = Field(
+        None,
+        description="true: a cable, which no storm on a track breaks; absent: as the network file "
+        "has it",
+    )
     pole: Name | None = Field(
         None, description="fragility curve of what it hangs from, in place of the storm's"
     )

@@ -2,14 +2,16 @@
 
 Buses have coordinates, or a synthetic place: a line is as long as its reactance says, its direction
 is that of the network's drawing, and the whole hangs from a bus that stands at the anchor. Lines
-that close a loop join their ends. Distances and directions are those of the WGS 84 ellipsoid; spans
-are placed in the azimuthal equidistant projection about the first bus, which is exact to
-centimetres over a feeder's size.
+that close a loop join their ends. Where buses have coordinates, a line takes the way that its
+network's source draws, or else the straight one, and is as long as the source says, or else as that
+way; its spans are spread evenly over the way. Distances and directions are those of the WGS 84
+ellipsoid; spans are placed in the azimuthal equidistant projection about the first bus, which is
+exact to centimetres over a feeder's size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,11 +19,13 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.case.checks.geography import geography_findings
+from resilience.case.networks.course import Course, Points
 from resilience.case.schema import GeographyTable
 from resilience.errors import CaseError, Mistake
 
 if TYPE_CHECKING:
     from resilience.case import Case
+    from resilience.case.networks.network import Network
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +34,8 @@ class Geography:
 
     Attributes:
         bus_lat_deg, bus_lon_deg: (buses,) degrees north and east.
-        length_km: (lines,) length of every line; 0 for a transformer.
+        length_km: (lines,) length of every line, by the network's source or as drawn; 0 for a
+            transformer.
         span_line: (spans,) line of every span, rising; transformers and lines that can never be
             closed have none.
         span_lat_deg, span_lon_deg: (spans,) of the middle of every span.
@@ -67,40 +72,95 @@ class Geography:
         return "synthetic geography" if self.synthetic else "geography of the case"
 
 
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """The ways of all lines, as straight pieces one after another.
+
+    Attributes:
+        line: (pieces,) line of every piece, rising.
+        lat_deg, lon_deg: (2, pieces) where it begins and ends.
+        metres: (pieces,) its length.
+        bearing_deg: (pieces,) its direction, clockwise from north.
+    """
+
+    line: Ints
+    lat_deg: Floats
+    lon_deg: Floats
+    metres: Floats
+    bearing_deg: Floats
+
+
 def geography(case: Case) -> Geography:
     """Where the feeder of a case stands.
 
     Raises:
         CaseError: buses without coordinates, or a geography with mistakes; all of them are listed.
     """
-    from pyproj import Geod
-
     table = case.geography or GeographyTable()
     _check(case, table)
     lat, lon = _synthetic(case, table) if table.synthetic else _stated(case)
-    network, earth = case.network, Geod(ellps="WGS84")
-    i, j = network.from_bus, network.to_bus
-    bearing, _, metres = earth.inv(lon[i], lat[i], lon[j], lat[j])
-    length = np.where(network.vn_kv[i] == network.vn_kv[j], np.asarray(metres) / 1000.0, 0.0)
-    usable = (length > 0.0) & (network.in_service | network.switchable)
-    span_m = np.full(len(length), table.span_m)
+    ways = _ways(case.network, lat, lon, {} if table.synthetic else case.network.courses)
+    length = _length_km(case.network, ways, {} if table.synthetic else case.network.courses)
+    line, share = _spans(case, table, length)
+    span_lat, span_lon, bearing = _along(ways, line, share, (float(lat[0]), float(lon[0])))
+    return Geography(lat, lon, length, line, span_lat, span_lon, bearing, table.synthetic)
+
+
+def _ways(network: Network, lat: Floats, lon: Floats, courses: Mapping[str, Course]) -> _Ways:
+    """The drawn way of every line, or the straight one."""
+    from pyproj import Geod
+
+    points: list[Points] = []
+    for name, i, j in zip(network.line_names, network.from_bus, network.to_bus, strict=True):
+        drawn = courses[name].points if name in courses else ()
+        ends = ((float(lon[i]), float(lat[i])), (float(lon[j]), float(lat[j])))
+        on_earth = all(abs(x) <= 180.0 and abs(y) <= 90.0 for x, y in drawn)
+        points.append(drawn if drawn and on_earth else ends)
+    first = np.array([p for way in points for p in way[:-1]], float).reshape(-1, 2)
+    last = np.array([p for way in points for p in way[1:]], float).reshape(-1, 2)
+    bearing, _, metres = Geod(ellps="WGS84").inv(*first.T, *last.T)
+    lon_deg, lat_deg = np.stack([first.T, last.T], axis=1)
+    line = np.repeat(np.arange(len(points)), [len(way) - 1 for way in points])
+    return _Ways(line, lat_deg, lon_deg, np.asarray(metres), np.asarray(bearing) % 360.0)
+
+
+def _length_km(network: Network, ways: _Ways, courses: Mapping[str, Course]) -> Floats:
+    """(lines,) length by the source, or else of the way; 0 for transformers."""
+    drawn = np.bincount(ways.line, ways.metres, len(network.line_names)) / 1000.0
+    stated = [courses[name].length_km if name in courses else None for name in network.line_names]
+    length = np.array([d if s is None else s for s, d in zip(stated, drawn, strict=True)])
+    is_line = network.vn_kv[network.from_bus] == network.vn_kv[network.to_bus]
+    return np.where(is_line, length, 0.0)
+
+
+def _spans(case: Case, table: GeographyTable, length_km: Floats) -> tuple[Ints, Floats]:
+    """(spans,) line of every span, and how far along it its middle is, 0 to 1."""
+    network = case.network
+    usable = (length_km > 0.0) & (network.in_service | network.switchable)
+    span_m = np.full(len(length_km), table.span_m)
     for line_table in case.line:
         span_m[network.line(line_table.name)] = line_table.span_m or table.span_m
-    count = np.where(usable, np.maximum(np.ceil(1000.0 * length / span_m - 1e-6), 1.0), 0.0)
-    line = np.repeat(np.arange(len(length)), count.astype(np.intp))
+    count = np.where(usable, np.maximum(np.ceil(1000.0 * length_km / span_m - 1e-6), 1.0), 0.0)
+    line = np.repeat(np.arange(len(length_km)), count.astype(np.intp))
     first = np.concatenate([[0], np.cumsum(count)])[:-1]
-    share = (np.arange(len(line)) - first[line] + 0.5) / count[line]
-    x, y = _plane(lat, lon, lat[0], lon[0])
-    span_lat, span_lon = _earth(
-        x[i[line]] + share * (x[j] - x[i])[line],
-        y[i[line]] + share * (y[j] - y[i])[line],
-        lat[0],
-        lon[0],
-    )
-    return Geography(
-        lat, lon, length, line, span_lat, span_lon, np.asarray(bearing)[line] % 360.0,
-        table.synthetic,
-    )  # fmt: skip
+    return line, (np.arange(len(line)) - first[line] + 0.5) / count[line]
+
+
+def _along(
+    ways: _Ways, line: Ints, share: Floats, middle: tuple[float, float]
+) -> tuple[Floats, Floats, Floats]:
+    """(spans,) latitude, longitude and bearing at shares of the ways of lines."""
+    stop = np.cumsum(ways.metres)
+    begin = stop - ways.metres
+    first = np.searchsorted(ways.line, line, side="left")
+    last = np.searchsorted(ways.line, line, side="right") - 1
+    metres = begin[first] + share * (stop[last] - begin[first])
+    piece = np.clip(np.searchsorted(stop, metres, side="left"), first, last)
+    inside = (metres - begin[piece]) / np.maximum(ways.metres[piece], 1e-9)
+    x, y = _plane(ways.lat_deg, ways.lon_deg, *middle)
+    at_x, at_y = (c[0, piece] + inside * (c[1] - c[0])[piece] for c in (x, y))
+    lat, lon = _earth(at_x, at_y, *middle)
+    return lat, lon, ways.bearing_deg[piece]
 
 
 def _check(case: Case, table: GeographyTable) -> None:

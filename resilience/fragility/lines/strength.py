@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from resilience.arrays import Bools, Floats, Ints
+from resilience.arrays import Floats, Ints
 from resilience.case.networks.network import did_you_mean
 from resilience.case.reading import show
 from resilience.case.schema import CurveTable, LineTable, StormTable
@@ -33,13 +31,6 @@ def check_names(case: Case) -> None:
     mistakes = [Mistake(file, *finding) for finding in _findings(case)]
     if mistakes:
         raise CaseError(mistakes)
-
-
-def cables(case: Case) -> Bools:
-    """(lines,) True where a line is underground."""
-    underground = np.zeros(len(case.network.line_names), bool)
-    underground[[case.network.line(line.name) for line in case.line if line.underground]] = True
-    return underground
 
 
 def lines_of(
