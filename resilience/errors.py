@@ -93,33 +93,39 @@ def together(*steps: Callable[[], Any]) -> list[Any]:
         CaseError: all mistakes of all steps.
         UsageError: the first of the steps, where none finds mistakes in a case.
     """
-    results, mistakes, misuses = [], list[Mistake](), list[UsageError]()
+    results, errors, misuses = [], list[CaseError](), list[UsageError]()
     for step in steps:
         try:
             results.append(step())
         except CaseError as error:
-            mistakes += error.mistakes
+            errors.append(error)
         except UsageError as error:
             misuses.append(error)
-    if mistakes:
-        raise CaseError(mistakes)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise CaseError(mistake for error in errors for mistake in error.mistakes)
     if misuses:
         raise misuses[0]
     return results
 
 
 class CaseError(ResilienceError):
-    """A case file with mistakes.
+    """A case file, or another file that goes with it, with mistakes.
+
+    Args:
+        mistakes: every one of them.
+        subject: what has them.
 
     Attributes:
         mistakes: every one of them, each once.
     """
 
-    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+    def __init__(self, mistakes: Iterable[Mistake], subject: str = "the case") -> None:
         self.mistakes: tuple[Mistake, ...] = tuple(dict.fromkeys(mistakes))
         count = len(self.mistakes)
-        super().__init__("1 mistake in the case" if count == 1 else f"{count} mistakes in the case")
-        self.args = (self.mistakes,)
+        super().__init__(f"{count} mistake{'s' if count != 1 else ''} in {subject}")
+        self.args = (self.mistakes, subject)
 
     def __str__(self) -> str:
         return "\n\n".join([f"{self.message}:", *map(str, self.mistakes)])

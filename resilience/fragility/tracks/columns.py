@@ -56,6 +56,7 @@ UNITLESS = ("vmax", "wind", "vm", "pressure", "pc", "pres", "rmw", "penv")
 QUANTITY_LIKE = re.compile("vmax|wind|pressure|rmw|penv")
 QUANTITY_WORDS = {"vm", "pc", "pres", "msw", "mslp", "pmin", "poci", "rmax"}
 QUALIFIERS = {"direction", "dir", "radii", "source", "quality", "flag", "note"}
+DATE = re.compile(r"\s*\d{4}-\d{2}-\d{2}")
 EMPTY = ("", "na", "n/a", "nan", "none", "-")
 GAPS = (-99.0, -999.0, -9999.0, 9999.0)  # in agencies' files; a longitude may well be -99
 
@@ -145,7 +146,7 @@ def build(columns: Mapping[str, Sequence[Any]], about: About) -> Track:
     )  # fmt: skip
     about.mistakes += [m for m in more if (m.table, m.key) not in reported]
     if about.mistakes:
-        raise CaseError(sorted(about.mistakes, key=_row))
+        raise CaseError(sorted(about.mistakes, key=_row), "the track")
     return _finished(time, fields, about)
 
 
@@ -208,7 +209,7 @@ def _named(columns: Mapping[str, Sequence[Any]], about: About) -> dict[str, Sequ
         )
         missing.append("length")
     if missing:
-        raise CaseError(about.mistakes)
+        raise CaseError(about.mistakes, "the track")
     return named
 
 
@@ -236,6 +237,8 @@ def _times(values: Sequence[Any], rows: Ints, about: About) -> Times:
 def _moment(value: Any) -> np.datetime64:
     """Accepts text, datetime and datetime64; what has no zone is UTC."""
     if isinstance(value, str):
+        if not DATE.match(value):  # nor eight digits nor a week, which Python takes for one
+            raise ValueError(value)
         value = datetime.fromisoformat(value.strip())
     if isinstance(value, datetime):
         value = value.astimezone(UTC).replace(tzinfo=None) if value.tzinfo else value

@@ -79,7 +79,7 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
         columns["rmw_nmi"].append(parts[20] if len(parts) > 20 else "")
     about.rows = numbers
     if not numbers and about.mistakes:
-        raise CaseError(about.mistakes)
+        raise CaseError(about.mistakes, "the track")
     return columns
 
 

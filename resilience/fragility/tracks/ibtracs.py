@@ -112,7 +112,10 @@ def _in(storm: str, title: tuple[str, ...]) -> bool:
 def _agency(body: list[tuple[Row, int]], agency: str | None, file: str) -> str:
     """Prefix of the columns to read."""
     names = [name.upper() for name in (*AGENCIES, "wmo")]
-    have = {who: sum(_says(row, f"{who}_WIND") for row, _ in body) for who in names}
+    have, pressures = (
+        {who: sum(_says(row, f"{who}_{key}") for row, _ in body) for who in names}
+        for key in ("WIND", "PRES")
+    )
     if agency is not None and agency.upper() in have:
         return agency.upper()
     if agency is not None:
@@ -121,7 +124,16 @@ def _agency(body: list[tuple[Row, int]], agency: str | None, file: str) -> str:
             f"agency {agency!r}; allowed: those of {file}: {there or 'none'}",
             hint="usa has 1-min winds, cma 2-min, most others 10-min",
         )
-    return "USA" if 2 * have["USA"] >= len(body) else max(have, key=lambda who: have[who])
+    if body and not any([*have.values(), *pressures.values()]):
+        raise UsageError(
+            f"{file} has no agency's winds or pressures; allowed: columns as USA_WIND, CMA_PRES",
+            hint="columns WIND and PRES alone do not say whose they are; take IBTrACS' own file",
+        )
+    return (
+        "USA"
+        if 2 * have["USA"] >= len(body)
+        else max(have, key=lambda who: (have[who], pressures[who]))
+    )
 
 
 def _agency_name(body: list[tuple[Row, int]], who: str, about: About) -> str:

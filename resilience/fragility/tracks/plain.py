@@ -45,7 +45,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         body = [(row, k) for row, k in body if _same(row[column], about.name)]
     if len(set(lower)) < len(lower):
         about.wrong("heading", "columns", "a name twice", "each name once", "rename one of them")
-        raise CaseError(about.mistakes)
+        raise CaseError(about.mistakes, "the track")
     about.rows = [number for _, number in body]
     return build({key: [row[k] for row, _ in body] for k, key in enumerate(heading)}, about)
 

@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TypedDict, Unpack
 
@@ -13,7 +14,9 @@ from resilience.errors import UsageError
 from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
+from resilience.fragility.tracks.unread import refuse_unread
 
+HEAD_LINES, HEAD_BYTES = 20, 2000  # enough to tell formats apart
 Parser = Callable[[str, About, str | None, str | None], Track]
 
 
@@ -22,7 +25,7 @@ class TrackFormat:
     """A format of track files.
 
     Attributes:
-        matches: whether a file's first line, comments left out, begins a file of this format.
+        matches: whether what a file begins with, comments left out, is of this format.
         parse: the track from a file's text, what is known of the file, the storm, the agency.
         fixed_units: every file of it has winds in one unit.
         agency: whose best tracks they are; "" where files say, or the caller.
@@ -41,25 +44,27 @@ def _of_one_agency(parse: Callable[[str, About, str | None], Track]) -> Parser:
     return lambda text, about, storm, _: parse(text, about, storm)
 
 
-def _has_headings(line: str, *headings: str) -> bool:
-    """Whether a first line names columns."""
-    return set(headings) <= {cell.strip().upper() for cell in line.split(",")}
+def _has_headings(head: str, *headings: str) -> bool:
+    """Whether the first line names columns."""
+    first = head.partition("\n")[0]
+    return set(headings) <= {cell.strip().upper() for cell in first.split(",")}
 
 
 FORMATS: dict[str, TrackFormat] = {
-    "ibtracs": TrackFormat(lambda line: _has_headings(line, "SID", "ISO_TIME"), ibtracs.parse),
+    "ibtracs": TrackFormat(lambda head: _has_headings(head, "SID", "ISO_TIME"), ibtracs.parse),
     "hurdat2": TrackFormat(
-        lambda line: re.match(r"\s*[A-Z]{2}\d{6}\s*,", line) is not None,
+        lambda head: re.match(r"\s*[A-Z]{2}\d{6}\s*,", head) is not None,
         _of_one_agency(hurdat2.parse),
         agency="usa",
     ),
     "cma": TrackFormat(
-        lambda line: re.match(r"66666\s", line) is not None,
+        # RSMC Tokyo's text has the same header, and eight digits of time below it instead of ten.
+        lambda head: re.match(r"66666\s(?![^\n]*\n\d{8}\s)", head) is not None,
         _of_one_agency(cma.parse),
         agency="cma",
         basin="WP",
     ),
-    "csv": TrackFormat(lambda line: False, _of_one_agency(plain.parse), fixed_units=False),
+    "csv": TrackFormat(lambda head: False, _of_one_agency(plain.parse), fixed_units=False),
 }
 """Every format; a file that matches none is a CSV file."""
 
@@ -104,6 +109,8 @@ def read_track(
     _check(path, format, options)
     text = _text(path)
     looks = _look(text)
+    if looks == "csv":
+        refuse_unread(path.name, _head(text))
     kind = looks if format is None else format
     stated = FORMATS[kind]
     if kind != looks and not (looks == "csv" and stated.agency):
@@ -146,12 +153,13 @@ def _text(path: Path) -> str:
             hint="look at its rights",
         ) from None
     if b"\0" in raw:
+        refuse_unread(path.name, raw[:HEAD_BYTES].decode("latin-1"), is_text=False)
         raise UsageError(
             f"track file {path} is no text; allowed: text in UTF-8",
             hint="unpack or export it as CSV; IBTrACS comes as CSV, too",
         )
     text = raw.decode("utf-8-sig", errors="replace")
-    if not _first(text):
+    if not _head(text):
         raise UsageError(
             f"track file {path} has no rows; allowed: a heading, and a row per point",
             hint="lines that begin with # are comments",
@@ -179,12 +187,12 @@ def _check(path: Path, format: str | None, options: Collection[str]) -> None:
 
 
 def _look(text: str) -> str:
-    """The format of a file, from its first line."""
-    first = _first(text)
-    return next((name for name, kind in FORMATS.items() if kind.matches(first)), "csv")
+    """The format of a file, from how it begins."""
+    head = _head(text)
+    return next((name for name, kind in FORMATS.items() if kind.matches(head)), "csv")
 
 
-def _first(text: str) -> str:
-    """The first line that is no comment, or nothing."""
+def _head(text: str) -> str:
+    """The first lines that are no comment, or nothing."""
     lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    return next(lines, "")
+    return "\n".join(islice(lines, HEAD_LINES))
