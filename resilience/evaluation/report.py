@@ -17,6 +17,7 @@ from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import infrastructure
 from resilience.evaluation.saving import save_report
+from resilience.fragility.outages.weights import worth
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,8 +56,10 @@ class Report(Judged):
         centre = () if self.scenarios.centre is None else (f"storm centre: {forecast}",)
         n, days = self.scenarios.n, self.days
         length = f"{n} episode{'s' * (n != 1)} of {days:g} day{'s' * (days != 1)}"
+        weights = worth(self.scenarios.probability)
         return (
             f"{length} from {self.case.start:%Y-%m-%d}",
+            *((f"weighted, {weights}",) if weights else ()),
             self.physics,
             f"energy left worth {self.end_value_per_mwh:g} $/MWh",
             f"forecast errors: {self.forecast_error}",

@@ -70,9 +70,25 @@ class Storm:
     repair: Repair
 
     @cached_property
+    def _failed(self) -> tuple[Floats, Floats]:
+        """`failed_by`, and (members, lines) the same of every member at the end."""
+        by_slot = np.zeros((len(self.lines.names), self.case.slots))
+        at_end = np.zeros((len(self.winds), len(self.lines.names)))
+        for k, member in enumerate(self.winds):
+            of_member = failed_by(self.lines, member, self.timing)
+            by_slot += of_member / len(self.winds)
+            at_end[k] = of_member[:, -1]
+        return by_slot, at_end
+
+    @property
     def failed_by(self) -> Floats:
         """(lines, slots) probability that a line has failed by the end of a slot, none mended."""
-        return np.mean([failed_by(self.lines, wind, self.timing) for wind in self.winds], axis=0)
+        return self._failed[0]
+
+    @property
+    def member_failures(self) -> Floats:
+        """(members, lines) probability that a line has failed by the end, given the member."""
+        return self._failed[1]
 
     @cached_property
     def hazard(self) -> Floats:

@@ -29,6 +29,7 @@ from resilience.case.schema import LoadTable
 from resilience.earth.sphere import seen_from
 from resilience.files import replacing
 from resilience.fragility import chain
+from resilience.fragility.assumptions import assumptions
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
@@ -71,15 +72,21 @@ class Hazard:
         when = case.start + timedelta(minutes=share * case.step_min)
         return float(self.distance_km[moment]), when
 
+    @property
+    def noise(self) -> float:
+        """Standard error of the expected number of failed lines, as members are drawn; 0 of one."""
+        return float(standard_error(self.storm.member_failures.sum(axis=1)))
+
     @cached_property
     def lines(self) -> list[dict[str, Any]]:
-        """A row per line; probabilities are exact, hours are of the sampled storms."""
+        """A row per line; probabilities are exact given the tracks, hours are of sampled storms."""
         here, case = self.storm, self.storm.case
         wind, failed = here.strongest_mps, here.failed_by[:, -1]
         spans = np.bincount(here.lines.span_line, minlength=len(here.lines.names))
         down, weight = self.scenarios.down, self.scenarios.probability
         mean_down = down.sum(axis=1) @ weight * case.step_h
         ever = down.any(axis=1) @ weight
+        noise = standard_error(here.member_failures)
         rows = []
         for k, name in enumerate(here.lines.names):
             begins = np.diff(here.failed_by[k], prepend=0.0)
@@ -90,6 +97,7 @@ class Hazard:
                     "spans": int(spans[k]),
                     "strongest_wind_mps": float(wind[k].max(initial=0.0)),
                     "failure_probability": float(failed[k]),
+                    "standard_error": float(noise[k]),
                     "likeliest": case.slot_label(int(begins.argmax())) if failed[k] else None,
                     "hours_down": float(mean_down[k]),
                     "hours_if_down": float(mean_down[k] / ever[k]) if ever[k] else None,
@@ -131,6 +139,7 @@ class Hazard:
             "source": here.track.source,
             "filled": dict(here.track.filled),
             "members": len(here.members),
+            **assumptions(here),
             "start": case.start.isoformat(),
             "step_min": case.step_min,
             "closest_km": closest and closest[0],
@@ -138,6 +147,7 @@ class Hazard:
             "wind": f"{wind.averaging_s:g} s mean at {wind.height_m:g} m over {wind.exposure}",
             "strongest_wind_mps": float(here.strongest_mps.max(initial=0.0)),
             "expected_lines_down": float(here.failed_by[:, -1].sum()),
+            "expected_lines_down_standard_error": self.noise,
             "lines": self.lines,
             "hazard": dict(zip(here.lines.names, here.hazard.tolist(), strict=True)),
             "failed_by": dict(zip(here.lines.names, here.failed_by.tolist(), strict=True)),
@@ -186,6 +196,12 @@ class Hazard:
             for t in range(case.slots):
                 when = case.window.time(t).isoformat()
                 writer.writerow([when, *(f"{value:.9g}" for value in values[:, t])])
+
+
+def standard_error(values: Floats) -> Floats:
+    """(...) of the mean of equally likely draws (draws, ...); 0 where there is one draw."""
+    draws = len(values)
+    return values.std(axis=0, ddof=1) / np.sqrt(draws) if draws > 1 else np.zeros(values.shape[1:])
 
 
 def _rows(path: Path, rows: list[dict[str, Any]]) -> None:

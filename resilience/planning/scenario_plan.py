@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 
     from resilience.case import Case
     from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.weights import effective_number
 
 BANDS = {
     "energy": "MWh stored at the end of the slot, all units together",
@@ -107,6 +108,7 @@ class ScenarioPlan(CertifiedPlan):
         "expected_terminal_credit",
         "expected_shed_mwh",
         "shed_probability",
+        "effective_scenarios",
         "scenarios",
         "different",
         "seed",
@@ -214,6 +216,11 @@ class ScenarioPlan(CertifiedPlan):
     def shed_probability(self) -> float:
         """Probability of shedding anything at all."""
         return self.statistics.shed_probability
+
+    @property
+    def effective_scenarios(self) -> float:
+        """How many equally likely scenarios the weighted ones are worth."""
+        return effective_number(self.episodes["probability"])
 
     @property
     def clairvoyant_cost(self) -> float:

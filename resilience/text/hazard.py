@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from resilience.case.schema import StormTable
+from resilience.fragility.assumptions import assumptions
 from resilience.fragility.likely import buses_text
-from resilience.fragility.wind import MODELS
+from resilience.fragility.wind.convert import SUSTAINED_S
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from resilience.fragility.chain import Storm
     from resilience.fragility.feeder_hazard import Hazard
 
 MAX_LOADS, MAX_ISLANDS, MAX_LINES, MAX_MOMENTS = 8, 8, 40, 8
 FAR_FROM_SUN_H = 3.0
+FAR_KM = 1000.0  # where no storm's wind matters
 MIN_CHANCE_LISTED = 0.01  # a rarer state of the whole feeder tells nobody anything
 
 
@@ -39,31 +42,72 @@ def _head(hazard: Hazard) -> list[str]:
     lines.append(f"source   {track.source}")
     lines += [f"filled   {field}: {note}" for field, note in track.filled.items()]
     lines.append(_closest(hazard))
-    table = case.storm or StormTable()
-    speed = MODELS[table.wind].uses
-    lines.append(f"field    {table.wind}, from the {speed} of the track")
+    basis = assumptions(storm)
+    lines += [f"field    {_field(basis, len(track.time))}", f"factors  {_factors(basis)}"]
     wind = storm.winds[0]
-    strongest_mps = [float(member.speed_mps.max(initial=0.0)) for member in storm.winds]
-    members = ""
-    if len(strongest_mps) > 1:
-        members = (
-            f", mean of {len(strongest_mps)} tracks; "
-            f"the strongest {max(strongest_mps):.1f}, the weakest {min(strongest_mps):.1f}"
-        )
     lines.append(
         f"wind     up to {storm.strongest_mps.max(initial=0.0):.1f} m/s, {wind.averaging_s:g} s "
-        f"mean at {wind.height_m:g} m over {wind.exposure}{members}"
+        f"mean at {wind.height_m:g} m over {wind.exposure}{_of_members(storm)}"
     )
-    expected = float(storm.failed_by[:, -1].sum())
-    cables = [line.name for line in case.line if line.underground]
-    safe = f"; {len(cables)} underground" if cables else ""
-    lines.append(
-        f"poles    curve {table.pole}, {table.hardening:g} times as strong, "
-        f"correlation {table.correlation:g}"
-    )
+    lines.append(f"poles    {_poles(basis)}")
     lines.append(f"repair   {storm.repair}")
-    lines.append(f"lines    {expected:.1f} of {len(storm.lines.names)} expected to fail{safe}")
+    expected = f"{storm.failed_by[:, -1].sum():.1f}"
+    if len(storm.winds) > 1:
+        expected += f" ± {hazard.noise:.1f}"
+    by_case = any(keys["underground"] is not None for keys in basis["exceptions"].values())
+    safe = f"; {basis['cables']} underground" if basis["cables"] else ""
+    safe += " by the network file" if safe and not by_case else ""
+    lines.append(f"lines    {expected} of {len(storm.lines.names)} expected to fail{safe}")
+    if len(storm.winds) > 1:
+        lines.append(
+            f"noise    ± is one standard error of {len(storm.winds)} tracks drawn with seed "
+            f"{basis['forecast']['seed']}; more members narrow it"
+        )
     return lines
+
+
+def _field(basis: dict[str, Any], points: int) -> str:
+    """The wind field, what it takes of the track, and how motion adds to it."""
+    text = f"{basis['field']}, from the {basis['takes']} of the track; asymmetry "
+    text += basis["asymmetry"] + (f", inflow {basis['inflow']}" if basis["inflow"] else "")
+    filled = basis["points_without_pressure"]
+    if filled and "pressure" in basis["takes"]:
+        text += f"; keeps the wind at {filled} of {points} points, which state no pressure"
+    return text
+
+
+def _factors(basis: dict[str, Any]) -> str:
+    """What a stated wind is multiplied by until a curve sees it."""
+    texts = [f"{factor['value']:.3g} {factor['source']}" for factor in basis["factors"]]
+    if basis["averaging_s"] != SUSTAINED_S:
+        offset = basis["agency_offset_kt"]
+        less = f"less {offset:g} kt, " if offset else ""
+        whose = f"as {basis['agency']}" if basis["agency"] else "Harper 2010, of no agency"
+        mean = f"from {basis['averaging_s']:g} s to one minute, {whose}"
+        texts.insert(0, f"{less}{1.0 / basis['agency_factor']:.3g} {mean}")
+    return "; ".join(texts) or "none"
+
+
+def _poles(basis: dict[str, Any]) -> str:
+    """Curve and strength of poles, conductors, and lines that are otherwise."""
+    conductor = f", conductors {basis['conductor']}" if basis["conductor"] else ""
+    mode = "" if basis["mode"] == "running_max" else f", mode {basis['mode']}"
+    apart = len(basis["exceptions"])
+    otherwise = f"; {apart} line{'s' if apart != 1 else ''} otherwise" if apart else ""
+    return (
+        f"curve {basis['pole']}{conductor}, {basis['hardening']:g} times as strong, "
+        f"correlation {basis['correlation']:g}{mode}{otherwise}"
+    )
+
+
+def _of_members(storm: Storm) -> str:
+    strongest_mps = [float(member.speed_mps.max(initial=0.0)) for member in storm.winds]
+    if len(strongest_mps) == 1:
+        return ""
+    return (
+        f", mean of {len(strongest_mps)} tracks; "
+        f"the strongest {max(strongest_mps):.1f}, the weakest {min(strongest_mps):.1f}"
+    )
 
 
 def _closest(hazard: Hazard) -> str:
@@ -73,8 +117,9 @@ def _closest(hazard: Hazard) -> str:
     case = hazard.storm.case
     clock = case.window.text(when.replace(second=0))
     table = case.storm or StormTable()
+    far = f", more than {FAR_KM:g} km: is it this feeder's storm?" if away > FAR_KM else ""
     unshifted = f", {when - table.shift:%Y-%m-%d %H:%M}" if table.shift else ""
-    return f"closest  {away:.0f} km at {clock}{unshifted} local time, {_zone(hazard, table)}"
+    return f"closest  {away:.0f} km at {clock}{unshifted} local time, {_zone(hazard, table)}{far}"
 
 
 def _zone(hazard: Hazard, table: StormTable) -> str:

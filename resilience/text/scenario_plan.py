@@ -9,6 +9,7 @@ from rich.console import Console, RenderableType
 from rich.text import Text
 
 from resilience.arrays import Floats
+from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.text.plan import certificate, grid, percent
@@ -81,7 +82,7 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
         ("CVaR 95 %", f"{plan.cvar_95_cost:.4f} $"),
         ("worst", f"{plan.worst_cost:.4f} $"),
         ("expected shedding", f"{plan.expected_shed_mwh:.4f} MWh"),
-        ("probability of shedding", f"{100 * plan.shed_probability:.2f} %"),
+        ("probability of shedding", _chance(plan)),
         ("energy left, expected", f"{float(p @ energy):.3f} MWh"),
         ("value of perfect information", _worth(plan, plan.value_of_perfect_information)),
     ]
@@ -89,6 +90,12 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
         more = _worth(plan, plan.value_of_stochastic_solution)
         rows.append(("value of the stochastic solution", more))
     return grid("Over scenarios", rows, "", "")
+
+
+def _chance(plan: ScenarioPlan) -> str:
+    """The probability of shedding, with what weighted scenarios are worth."""
+    weights = worth(plan.episodes["probability"])
+    return f"{100 * plan.shed_probability:.2f} %{f', {weights}' if weights else ''}"
 
 
 def _worth(plan: ScenarioPlan, value: float) -> str:

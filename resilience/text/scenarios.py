@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.summary import summary
+from resilience.fragility.outages.weights import worth
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,6 +25,9 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     console.print(
         f"[bold]{case.name}[/bold]  {scenarios.n} scenarios of {days}{seed}", highlight=False
     )
+    weights = worth(scenarios.probability)
+    if weights:
+        console.print(f"weighted scenarios, {weights}: no percentage is surer than one of so many")
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     daily = scenarios.centre is not None
     per, heads = ("_per_day", ("out on a day", "h out a day")) if daily else ("", ("out", "h out"))
@@ -40,6 +44,6 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     console.print(
         f"all {len(scenarios.lines)} out at once "
         f"{'on' if daily else 'in'} {100 * numbers[f'all_out_chance{per}']:.1f} % of "
-        f"{'days' if daily else 'scenarios'}",
+        f"{'days' if daily else 'scenarios'}{f', {weights}' if weights else ''}",
         highlight=False,
     )

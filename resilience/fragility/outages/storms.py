@@ -30,6 +30,7 @@ from resilience.fragility.lines.spans import SpannedLines, WindAtSpans, calm, sc
 from resilience.fragility.outages.failure_clock import FailureClock
 from resilience.fragility.outages.repair import Repair, repair_outcome
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.weights import effective_number
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def sample_storms(
     seed = None if isinstance(rng, np.random.Generator) else int(rng)
     process = (
         f"storm, {len(members)} winds, correlation {lines.correlation:g}, {timing.mode}, "
-        f"{repair}, shift {sampling.shift:g}, worth {1.0 / (probability**2).sum():.0f} of {n}"
+        f"{repair}, shift {sampling.shift:g}, worth {effective_number(probability):.0f} of {n}"
     )
     down = storms.outages(repair, sampling.refail)
     return Scenarios(lines.names, down, probability, seed=seed, process=process)
@@ -112,7 +113,7 @@ def sample_storms(
 
 def effective_size(scenarios: Scenarios) -> float:
     """How many equally likely scenarios weighted ones are worth: 1 over the sum of squares."""
-    return float(1.0 / (scenarios.probability**2).sum())
+    return effective_number(scenarios.probability)
 
 
 def _chances(members: int, stated: ArrayLike | None) -> Floats:

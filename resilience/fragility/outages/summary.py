@@ -8,6 +8,7 @@ import numpy as np
 
 from resilience.case import Case
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.weights import effective_number
 
 
 def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
@@ -41,6 +42,7 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
     return {
         "case": case.name,
         "scenarios": scenarios.n,
+        "effective_scenarios": effective_number(scenarios.probability),
         "slots": scenarios.slots,
         "step_min": case.step_min,
         "days": len(first),

@@ -48,6 +48,10 @@ class Kind(NamedTuple):
         return f"{self.averaging_s:g} s at {self.height_m:g} m over {self.exposure}"
 
 
+FIELD_KIND = Kind(SUSTAINED_S, REFERENCE_HEIGHT_M, "water")
+"""What the wind of a field is."""
+
+
 class Factor(NamedTuple):
     """A factor of the one-minute mean at 10 m.
 
@@ -100,11 +104,29 @@ def factor(
         UsageError: a conversion without a source, or a roughness without what it needs.
     """
     value, names = np.ones((1, 1)), list[str]()
+    for name, step in steps(source, target, roughness, inland_km):
+        value = value * step
+        names.append(name if name.startswith(roughness) else f"{name}: {step.item():.3g}")
+    return value, names
+
+
+def steps(
+    source: Kind, target: Kind, roughness: str, inland_km: ArrayLike | None
+) -> list[tuple[str, Floats]]:
+    """The factors that lead from one kind of wind to another, each with its source.
+
+    Returns:
+        Source and value, (points, 1) or (1, 1); that from water to land, or back, comes last.
+
+    Raises:
+        UsageError: a conversion without a source, or a roughness without what it needs.
+    """
     if source == target:
-        return value, names
+        return []
     gust = _gust_of_ten_minutes(source, target)
     if gust is not None:
-        return value * gust.value, [f"{gust.source}: {gust.value:.3g}"]
+        return [(gust.source, np.full((1, 1), gust.value))]
+    factors = list[tuple[str, Floats]]()
     for kind, power in ((source, -1), (target, 1)):
         if kind.exposure not in EXPOSURES:
             raise UsageError(
@@ -112,13 +134,13 @@ def factor(
                 hint="a wind field blows over water",
             )
         for step in (_averaging(kind), _height(kind)):
-            value = value * step.value**power
-            names += [f"{step.source}: {step.value**power:.3g}"] if step.source else []
+            if step.source:
+                factors.append((step.source, np.full((1, 1), step.value**power)))
     if source.exposure != target.exposure:
         reduction = _land(roughness, inland_km)
-        value = value * (reduction if target.exposure == "land" else 1.0 / reduction)
-        names.append(f"{roughness}: {source.exposure} to {target.exposure}")
-    return value, names
+        value = reduction if target.exposure == "land" else 1.0 / reduction
+        factors.append((f"{roughness}: {source.exposure} to {target.exposure}", value))
+    return factors
 
 
 def _gust_of_ten_minutes(source: Kind, target: Kind) -> Factor | None:

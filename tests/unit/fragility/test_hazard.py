@@ -13,9 +13,11 @@ import pytest
 import resilience as rs
 from resilience import fragility
 from resilience.cli import main
+from resilience.fragility import chain
 from resilience.fragility.feeder_hazard import Hazard, hazard
 from resilience.fragility.outages.files import load_scenarios
 from resilience.plots.hazard import plot_hazard
+from resilience.text.hazard import print_hazard
 
 TRACK = """time,lat,lon,pressure_hpa,vmax_mps,averaging_s
 2023-10-04T00:00,22.2,123.5,945,47.8,120
@@ -243,3 +245,104 @@ def test_no_public_name_is_hidden_by_a_module() -> None:
     folder = Path(fragility.__file__).parent
     modules = {path.stem for path in folder.iterdir()}
     assert not modules.intersection(fragility.__all__)
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    with pytest.raises(SystemExit) as done:
+        main(list(words))
+    assert done.value.code == 0
+    return " ".join(capsys.readouterr().out.split())  # lines are broken where a terminal ends
+
+
+def test_an_answer_says_what_it_rests_on(found: Hazard, capsys: pytest.CaptureFixture[str]) -> None:
+    """Koinu's case as it stands in its file; Harper's and Knaff's factors; CMA's practice."""
+    said = found.summary()
+    assert (said["field"], said["takes"], said["asymmetry"]) == (
+        "holland2008", "pressure", "climada",
+    )  # fmt: skip
+    assert said["points_without_pressure"] == 0
+    assert (said["agency"], said["averaging_s"], said["agency_factor"]) == ("cma", 120.0, 0.871)
+    assert [factor["value"] for factor in said["factors"]] == pytest.approx([1.49, 0.8])
+    assert said["factors"][1]["source"] == "knaff2011: water to land"
+    assert (said["pole"], said["hardening"], said["correlation"]) == ("pole", 1.8, 0.3)
+    assert said["curves"]["pole"]["median_mps"] == 58.2
+    assert said["curves"]["pole"]["of"] == "3 s mean at 10 m over land"
+    assert said["exceptions"]["1-2"]["pole"] == "substation"
+    assert said["repair"]["crews"] == 3
+    assert (said["members"], said["forecast"], said["cables"]) == (1, None, 0)
+    assert said["expected_lines_down_standard_error"] == 0.0
+    text = printed(capsys, "hazard", "ieee33_koinu", "-n", "5")
+    assert "field holland2008, from the pressure of the track; asymmetry climada" in text
+    assert "1.15 from 120 s to one minute, as cma; 1.49 Harper 2010, in-land; 0.8 knaff" in text
+    assert "curve pole, 1.8 times as strong, correlation 0.3; 1 line otherwise" in text
+    assert "±" not in text
+
+
+def test_every_choice_of_a_case_is_in_its_answer() -> None:
+    """What is not the default, and why an answer is another."""
+    case = rs.load_case("ieee33_koinu")
+    assert case.storm is not None
+    changed = {
+        "wind": "willoughby2006", "asymmetry": "none", "inflow": "hubbert1991", "hardening": 1.3,
+        "roughness": "tchazards", "inland_km": 0.7, "conductor": "pole",
+    }  # fmt: skip
+    storm = case.storm.model_copy(update=changed)
+    said = hazard(case.replace(storm=storm), n=2).summary()
+    for key in ("asymmetry", "inflow", "hardening", "conductor"):
+        assert said[key] == changed[key]
+    assert said["field"] == "willoughby2006"
+    assert said["takes"] == "wind"
+    assert said["factors"][-1]["value"] == pytest.approx(0.66 + 0.34 * np.exp(-0.7 / 0.4))
+
+
+def test_sampled_members_carry_their_noise(capsys: pytest.CaptureFixture[str]) -> None:
+    """The standard deviation of single members' answers, over the root of how many there are."""
+    case = rs.load_case("ieee33_koinu")
+    assert case.storm is not None
+    errors = case.storm.forecast.model_copy(update={"members": 7, "cross_km_per_day": 90.0})
+    forecast = case.replace(storm=case.storm.model_copy(update={"forecast": errors}))
+    answer = hazard(forecast, n=3)
+    alone = [chain.storm(case, member, every_line=True) for member in answer.storm.members]
+    failed = np.array([one.failed_by[:, -1] for one in alone])
+    said = answer.summary()
+    assert said["forecast"]["members"] == 7
+    assert said["expected_lines_down"] == pytest.approx(failed.sum(axis=1).mean())
+    spread = np.std(failed.sum(axis=1), ddof=1) / np.sqrt(7)
+    assert spread > 0.1
+    assert said["expected_lines_down_standard_error"] == pytest.approx(spread)
+    for k, row in enumerate(said["lines"]):
+        assert row["standard_error"] == pytest.approx(np.std(failed[:, k], ddof=1) / np.sqrt(7))
+    from rich.console import Console
+
+    print_hazard(answer, Console(width=200))
+    text = capsys.readouterr().out
+    assert f"{failed.sum(axis=1).mean():.1f} ± {spread:.1f} of 32 expected to fail" in text
+    assert "one standard error of 7 tracks drawn with seed 0" in text
+
+
+def test_a_storm_far_away_is_remarked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "far.csv"
+    rows = TRACK
+    for place in ("22.2,123.5", "22.0,122.0", "21.9,120.9", "22.0,119.1", "21.4,116.3"):
+        lat, lon = place.split(",")
+        rows = rows.replace(place, f"{lat},{float(lon) + 40.0}")
+    path.write_text(rows, encoding="utf-8")
+    words = ("hazard", "ieee33_koinu", "--track", str(path), "-n", "3")
+    assert "more than 1000 km: is it this feeder's storm?" in printed(capsys, *words)
+
+
+def test_percentages_of_weighted_storms_say_what_they_are_worth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Kish: one over the sum of squared weights. Storms that are all alike need no word."""
+    path = tmp_path / "rare.npz"
+    words = ["scenarios", "ieee33_koinu", "-n", "60", "--seed", "4"]
+    text = printed(capsys, *words, "--shift", "-2", "--out", str(path))
+    weights = load_scenarios(path, rs.load_case("ieee33_koinu")).probability
+    size = 1.0 / (weights**2).sum()
+    assert size < 20.0
+    assert f"worth {size:.3g} of 60 equally likely ones" in text
+    assert f"% of scenarios, worth {size:.3g} of 60" in text
+    said = json.loads(printed(capsys, *words, "--shift", "-2", "--json"))
+    assert said["effective_scenarios"] == pytest.approx(size)
+    assert "worth" not in printed(capsys, *words)
