@@ -108,7 +108,6 @@ class ScenarioPlan(CertifiedPlan):
         "expected_terminal_credit",
         "expected_shed_mwh",
         "shed_probability",
-        "effective_scenarios",
         "scenarios",
         "different",
         "seed",
