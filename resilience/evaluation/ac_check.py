@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Bools, Floats
-from resilience.models.ac_check import Carried, carry
+from resilience.models.ac_check import Carried, carry, reactive_alone
+from resilience.models.components import device_fleets
 from resilience.simulation.powers import powers
 from resilience.tolerances import AC_LIMIT_TOLERANCE
 
@@ -172,6 +173,7 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
     }
     total = sum(power.values(), np.zeros((case.slots, n)))
     spill = np.zeros_like(total) if trajectory.spill is None else trajectory.spill
+    alone = reactive_alone(case, device_fleets(case).values())
     size = max(MEMBERS // max(n, 1), 1)
     parts = []
     for first in range(0, case.slots, size):
@@ -179,7 +181,7 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
         some = {name: values[slots].ravel() for name, values in power.items()}
         up = world.line_up[:, slots].reshape(len(world.line_up), -1)
         energy = trajectory.energy[:, :-1][:, slots].reshape(len(trajectory.energy), -1)
-        parts.append(carry(case, some, up, energy))
+        parts.append(carry(case, some, up, energy, np.repeat(alone[:, slots], n, axis=1)))
     arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
     return TrajectoryACCheck(
         members=Carried(**arrays),

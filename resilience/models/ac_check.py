@@ -46,7 +46,13 @@ class Carried:
     loss_mw: Floats
 
 
-def carry(case: Case, power: Mapping[str, Floats], line_up: Bools, energy: Floats) -> Carried:
+def carry(
+    case: Case,
+    power: Mapping[str, Floats],
+    line_up: Bools,
+    energy: Floats,
+    alone: Floats | float = 0.0,
+) -> Carried:
     """Solves any number of members at once, islands included.
 
     Sources give no reactive power but the roots, which hold the voltage of the grid, or 1 pu.
@@ -56,6 +62,7 @@ def carry(case: Case, power: Mapping[str, Floats], line_up: Bools, energy: Float
         power: MW fed in by every device, (members,) by its name; loads are negative.
         line_up: (lines of the case, members) False where a line has failed.
         energy: (units, members) MWh in storage as the slot begins.
+        alone: (buses, members) Mvar fed in by devices without active power.
     """
     closed = line_up & case.network.in_service[:, None]
     fleets = list(device_fleets(case).values())
@@ -64,7 +71,7 @@ def carry(case: Case, power: Mapping[str, Floats], line_up: Bools, energy: Float
     chosen = carriers(case, units, connected(case, closed), forms)
     root = at_buses(case, units.bus, chosen) > 0
     p, q = injections(case, fleets, power, closed.shape[1])
-    solution = flow(case.network, p, q, closed, root, held_voltages(case, fleets))
+    solution = flow(case.network, p, q + alone, closed, root, held_voltages(case, fleets))
     return _carried(solution, _root_excess(solution, units, chosen, power))
 
 
@@ -79,6 +86,16 @@ def injections(
         np.add.at(p, fleet.bus, fed)
         np.add.at(q, fleet.bus, fleet.reactive_per_mw()[:, None] * fed)
     return p, q
+
+
+def reactive_alone(case: Case, fleets: Iterable[DeviceFleet]) -> Floats:
+    """(buses, slots) Mvar fed in by devices without active power, none of it shed."""
+    q = np.zeros((len(case.network.bus_names), case.slots))
+    for fleet in fleets:
+        if fleet.reactive_alone().any():
+            profiles = np.array([case.profile(name) for name, _ in fleet.expected()])
+            np.add.at(q, fleet.bus, fleet.reactive_alone()[:, None] * profiles)
+    return q
 
 
 def held_voltages(case: Case, fleets: list[DeviceFleet]) -> Floats:

@@ -21,7 +21,7 @@ from resilience.tolerances import INPUT_TOLERANCE
 
 _MIN_HOURS, _MAX_HOURS = 0.02, 200.0
 """Of storage at full power; beyond either, energy and power are not in one unit."""
-_POWERS = ("p_max_mw", "p_min_mw", "s_mva", "import_max_mw", "export_max_mw")
+_POWERS = ("p_max_mw", "p_min_mw", "q_mvar", "s_mva", "import_max_mw", "export_max_mw")
 _MAX_CURRENT_KA = 10.0
 """More than any device of a feeder draws."""
 _LARGE_CURRENT_KA, _MAX_TIMES_MEDIAN, _MIN_DEVICES, _MAX_FEEDER_KV = 1.0, 100.0, 3, 66.0
@@ -144,10 +144,34 @@ RULES = (
     ),
 )
 
+_REACTIVE = (
+    KeyRule(
+        "load",
+        ("q_mvar", "power_factor"),
+        lambda load: load.power_factor != 1.0,
+        "nothing beside power_factor = {power_factor:g}",
+        "give one of the two; power_factor = 1 takes back a default",
+    ),
+    KeyRule(
+        "pv",
+        ("q_mvar", "s_mva"),
+        lambda unit: unit.q_mvar != 0.0,
+        "nothing beside s_mva = {s_mva:g}, which leaves reactive power free",
+        "drop one of the two",
+    ),
+    KeyRule(
+        "pv",
+        ("q_mvar", "p_max_mw"),
+        lambda unit: unit.q_mvar != 0.0 and unit.p_max_mw == 0.0,
+        "0 beside p_max_mw = 0, to which it is in proportion",
+        "write a [[load]] with p_max_mw = 0 and q_mvar of the other sign",
+    ),
+)
+
 
 def broken_rules(kind: str, device: DeviceTable) -> Iterator[Finding]:
     """What is wrong within one device table."""
-    for rule in RULES:
+    for rule in (*RULES, *_REACTIVE):
         values: dict[str, Any] = {key: getattr(device, key, None) for key in rule.needs}
         if rule.kind == kind and None not in values.values() and rule.broken(device):
             key, value = next(iter(values.items()))

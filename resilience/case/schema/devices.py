@@ -13,6 +13,7 @@ is one file with table and component, and one call before the case is read:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from types import GenericAlias
@@ -63,6 +64,12 @@ class LoadTable(DeviceTable):
     p_max_mw: NonNegative = Field(description="peak demand, MW")
     profile: str | None = Field(None, description="profile column; absent: constant at the peak")
     power_factor: Efficiency = Field(1.0, description="cos phi, lagging, constant")
+    q_mvar: float | None = Field(
+        None,
+        description="reactive demand at the peak, Mvar, negative where it is leading; replaces "
+        "power_factor. Beside p_max_mw = 0 it stands alone, follows the profile, and is shed at "
+        "the same price per Mvarh",
+    )
     shed_cost_per_mwh: NonNegative = Field(description="price of unserved energy, per MWh")
     priority: Positive = Field(1.0, description="multiplies the shed price")
     critical: bool = Field(
@@ -77,6 +84,13 @@ class LoadTable(DeviceTable):
         """Price of a MWh that is not served, priority included."""
         return self.shed_cost_per_mwh * self.priority
 
+    @property
+    def q_peak_mvar(self) -> float:
+        """Reactive demand at the peak, Mvar; negative where it is leading."""
+        if self.q_mvar is not None:
+            return self.q_mvar
+        return self.p_max_mw * math.tan(math.acos(self.power_factor))
+
 
 class PVTable(DeviceTable):
     """`[[pv]]`: a photovoltaic plant."""
@@ -86,6 +100,11 @@ class PVTable(DeviceTable):
     curtailable: bool = Field(True, description="false: all of its output must be taken")
     s_mva: Positive | None = Field(
         None, description="inverter rating, MVA; absent: unity power factor"
+    )
+    q_mvar: float = Field(
+        0.0,
+        description="reactive power at p_max_mw, Mvar, in proportion to its power; negative: "
+        "taken. Not beside s_mva",
     )
     cost_per_mwh: float = Field(0.0, description="price of its energy, per MWh")
 

@@ -211,6 +211,10 @@ class DeviceFleet(ABC):
         """Mvar that go with every MW of devices with a constant power factor; else 0."""
         return np.zeros(len(self.tables))
 
+    def reactive_alone(self) -> Floats:
+        """Mvar fed in at a profile's 1 by devices without active power; else 0."""
+        return np.zeros(len(self.tables))
+
     def is_block(self) -> Bools:
         """Whether a load can only be served whole."""
         return np.zeros(len(self.tables), bool)
@@ -330,7 +334,7 @@ def bus_capacity(
         np.add.at(apparent, (fleet.bus, constant), fleet.apparent_mva())
         if follows:
             p = np.array([mw for _, mw in follows])
-            q = p * fleet.reactive_per_mw()
+            q = p * fleet.reactive_per_mw() + fleet.reactive_alone()
             place = fleet.bus, np.array([names.index(name) for name, _ in follows])
             np.add.at(supply, place, np.maximum(np.maximum(p, q), 0.0))
             np.add.at(demand, place, np.maximum(-np.minimum(p, q), 0.0))

@@ -105,7 +105,7 @@ class Energised:
         give = MAX_PU * np.maximum(feeds, highest)[rows]
         take = MAX_PU * np.maximum(takes, -lowest)[rows]
         sides: list[tuple[str, Affine | None]] = [("p", fed.p)]
-        if fleet.reactive in stage:
+        if fleet.reactive in stage and fleet.role != "load":  # loads see to theirs
             sides.append(("q", fed.q))
         for side, power in sides:
             if power is None:

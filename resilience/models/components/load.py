@@ -15,7 +15,10 @@ right-hand side.
 | $u_l$ | `load.on`, 1 where a block is served | 1 |
 | $\hat d_l$ | twice `p_max_mw`: the most that a profile may ask for | MW |
 | $\lambda_l, w_l$ | `shed_cost_per_mwh`, `priority` | $/MWh, 1 |
-| $\varphi_l$ | from `power_factor`, lagging | 1 |
+| $\tan\varphi_l$ | from `power_factor`, lagging, or `q_mvar` / `p_max_mw` | 1 |
+
+A load with `q_mvar` and without `p_max_mw` takes $q_l = \pm (s^q_l - d^q_l)$, with the demand
+`load.q_demand` and what is shed of it, `load.q_shed`, in Mvar, at the price of a MWh.
 """
 
 from __future__ import annotations
@@ -26,11 +29,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.profiles import MAX_PU
 from resilience.case.schema import LoadTable
 from resilience.errors import UsageError
-from resilience.models.components.base import Injection
+from resilience.models.algebra import Affine, scatter
+from resilience.models.components.base import AT_BUS, Injection
 from resilience.models.components.fleet import DeviceFleet, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
@@ -60,8 +64,19 @@ class Loads(DeviceFleet):
         return -peak, np.zeros_like(peak)
 
     def reactive_per_mw(self) -> Floats:
-        """From the power factor."""
-        return np.tan(np.arccos(np.array([t.power_factor for t in self.tables])))
+        """From the power factor, or from `q_mvar`."""
+        return np.array([t.q_peak_mvar / t.p_max_mw if t.p_max_mw else 0.0 for t in self.tables])
+
+    @property
+    def pure(self) -> Ints:
+        """Loads of reactive power alone: reactors and capacitors."""
+        return np.flatnonzero([not t.p_max_mw and t.q_peak_mvar != 0.0 for t in self.tables])
+
+    def reactive_alone(self) -> Floats:
+        """Of the pure ones."""
+        alone = np.zeros(len(self.tables))
+        alone[self.pure] = [-self.tables[i].q_peak_mvar for i in self.pure]
+        return alone
 
     def is_block(self) -> Bools:
         """Blocks."""
@@ -94,8 +109,28 @@ class Loads(DeviceFleet):
             stage.le("load.block_served", served, on * peak)
             stage.le("load.block_shed", shed[blocks], (1.0 - on) * peak)
         p = shed - demand
-        q = p * self.reactive_per_mw() if stage.reactive else None
+        q = p * self.reactive_per_mw() + self._alone(stage) if stage.reactive else None
         return Injection(p, q, self.bus)
+
+    def _alone(self, stage: Stage) -> Affine:
+        """(loads,) reactive power fed in by loads that have nothing else; they can be shed, too."""
+        if not len(self.pure):
+            return Affine.constant(0.0, len(self.tables))
+        names, peak = [self.names[i] for i in self.pure], np.abs(self.reactive_alone()[self.pure])
+        demand = stage.data("load.q_demand", names, unit="Mvar", about="reactive demand alone")
+        cut_off = stage.data("load.q_shed_min", names, unit="Mvar", about="what cannot be reached")
+        shed = stage.var(
+            "load.q_shed", names, cut_off, demand, unit="Mvar", about="reactive demand shed"
+        )
+        price = np.array([self.tables[i].shed_price_per_mwh for i in self.pure])
+        stage.cost("load.q_shed", shed, price * stage.dt)
+        room = MAX_PU * peak
+        q = stage.var("load.q", names, -room, room, unit="Mvar", about="reactive power fed in")
+        sign = np.sign(self.reactive_alone()[self.pure])
+        stage.eq("load.reactive", q, (demand - shed) * sign)
+        if AT_BUS in stage:
+            stage.le("load.q_energised", demand - shed, stage[AT_BUS][self.bus[self.pure]] * room)
+        return scatter(q, self.pure, len(self.tables), self.names)
 
     def _most(self) -> Floats:
         """(loads,) the most that the rows of a block have room for, MW."""
@@ -110,9 +145,15 @@ class Loads(DeviceFleet):
         demand = np.array([t.p_max_mw * situation.profile(t.profile) for t in self.tables])
         demand = demand.reshape(len(self.tables), situation.n)
         self._check_blocks(demand.max(1, initial=0.0))
+        dead = 1.0 - situation.alive_at(self.bus)
+        alone = np.array([situation.profile(self.tables[i].profile) for i in self.pure])
+        alone = alone.reshape(len(self.pure), situation.n)
+        alone *= np.abs(self.reactive_alone()[self.pure])[:, None]
         return {
             "load.demand": demand,
-            "load.shed_min": demand * (1.0 - situation.alive_at(self.bus)),
+            "load.shed_min": demand * dead,
+            "load.q_demand": alone,
+            "load.q_shed_min": alone * dead[self.pure],
         }
 
     def _check_blocks(self, peak: Floats) -> None:

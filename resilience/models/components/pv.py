@@ -7,7 +7,7 @@ p_i^2 + q_i^2 \le S_i^2, \qquad C = \Delta t \sum_i c_i p_i $$
 |---|---|---|
 | $a_i$ | `pv.available` (data): profile times `p_max_mw`, zero in a dead island | MW |
 | $p_i$ | `pv.p`; not even what must be taken is, where the plan leaves an island dark | MW |
-| $q_i$ | `pv.q`, only with an inverter rating `s_mva` $= S_i$ | Mvar |
+| $q_i$ | `pv.q`, only with an inverter rating `s_mva` $= S_i$; else in proportion to $p_i$ | Mvar |
 | $c_i$ | `cost_per_mwh` | $/MWh |
 """
 
@@ -74,6 +74,10 @@ class PV(DeviceFleet):
         """Whether it can be curtailed, and its price."""
         return table.curtailable, table.cost_per_mwh
 
+    def reactive_per_mw(self) -> Floats:
+        """Of plants with a constant ratio, `q_mvar` to `p_max_mw`."""
+        return np.array([t.q_mvar / t.p_max_mw if t.q_mvar else 0.0 for t in self.tables])
+
     @property
     def rated(self) -> Ints:
         """Plants whose inverter has a rating."""
@@ -92,7 +96,11 @@ class PV(DeviceFleet):
         p = stage.var("pv.p", self.names, lower_mw, available, about="power fed in")
         prices = np.array([t.cost_per_mwh for t in self.tables])
         stage.cost("pv.energy", p, prices * stage.dt)
-        return Injection(p, inverter(stage, "pv", p, self.s_mva, self.rated), self.bus)
+        q = inverter(stage, "pv", p, self.s_mva, self.rated)
+        ratio = self.reactive_per_mw()
+        if stage.reactive and ratio.any():
+            q = p * ratio if q is None else q + p * ratio
+        return Injection(p, q, self.bus)
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Available power, must-take power, and the limits of reactive power."""
