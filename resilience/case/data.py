@@ -12,6 +12,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.networks.network import Network
+from resilience.case.networks.omissions import Omission
 from resilience.case.schema import (
     DEVICES,
     DeviceTable,
@@ -74,6 +75,7 @@ class Case:
         geography: how `places` are points on the earth.
         storm: weather on a track, what it breaks, and how that is mended.
         places: (x, y) of buses by name, in the network's source.
+        omissions: what of the network's source is not modelled.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Case:
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    omissions: tuple[Omission, ...] = ()
 
     @property
     def load(self) -> tuple[LoadTable, ...]:

@@ -100,6 +100,7 @@ def build_case(document: Document) -> Case:
         geography=parts.geography,
         storm=parts.storm,
         places=parts.places,
+        omissions=parts.omissions,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
         reserve_price_per_mwh=head.reserve_price_per_mwh,
         source=document.data,
@@ -207,7 +208,7 @@ def _read_network(parts: Parts) -> None:
     try:
         feeder = read_feeder(table)
     except FeederError as error:
-        document.add_findings(where, "[network]", [error.finding])
+        document.add_findings(where, "[network]", error.findings)
     else:
         network = feeder.network
         lines = [line for line, _ in parts.lines if line.name and network.has_line(line.name)]
@@ -216,7 +217,7 @@ def _read_network(parts: Parts) -> None:
             usable = network.in_service | parts.network.switchable
             usable &= ~cables(network, lines)
             parts.network = replace(parts.network, breakpoint=usable)
-        parts.places = feeder.places
+        parts.places, parts.omissions = feeder.places, feeder.omissions
 
 
 def _read_profiles(parts: Parts) -> dict[str, Floats]:

@@ -27,18 +27,21 @@ def new(
     ] = None,
 ) -> None:
     """Write a starter case for a network: its loads and sources, and examples to fill in."""
-    from resilience.case import new_case_text
+    from resilience.case.networks.omissions import omission_text
+    from resilience.case.starter import starter
     from resilience.errors import UsageError
     from resilience.files import replacing_file
 
     if out is not None and out.exists():
         raise UsageError(f"{out} exists", hint="name a new file")
-    text = new_case_text(network)
+    case = starter(network, None if out is None else out.parent)
+    if case.omissions:
+        typer.echo(f"not modelled: {omission_text(case.omissions)}", err=True)
     if out is None:
-        typer.echo(text, nl=False)
+        typer.echo(case.text, nl=False)
         return
     with replacing_file(out) as fresh:
-        fresh.write_text(text, encoding="utf-8")
+        fresh.write_text(case.text, encoding="utf-8")
     typer.echo(f"{out}: resilience solve {out}")
 
 

@@ -11,6 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from resilience.case.networks.omissions import omission_text
 from resilience.case.outages import outage_texts
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
@@ -27,6 +28,8 @@ def print_plan(plan: Plan, console: Console) -> None:
     """Prints the plan: verdict, what was assumed, costs, energy, shedding, certificate, time."""
     console.print(_verdict(plan))
     console.print(_assumed(plan))
+    if plan.case is not None and plan.case.omissions:
+        console.print(not_modelled(plan.case))
     for section in (
         _money_and_energy(plan, console.width),
         _shed(plan),
@@ -65,6 +68,11 @@ def _assumed(plan: Plan) -> Text:
         return text.append("assumes no outage", "yellow")
     text.append("assumes " + ", ".join(plan.outages) + "\n", "yellow")
     return text.append("and knows it in advance: a real operator would not", "yellow")
+
+
+def not_modelled(case: Case) -> Text:
+    """What of the network's source is in no answer."""
+    return Text(f"not modelled: {omission_text(case.omissions)}", "yellow")
 
 
 def grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:

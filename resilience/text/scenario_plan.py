@@ -12,7 +12,7 @@ from resilience.arrays import Floats
 from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.text.plan import certificate, grid, percent
+from resilience.text.plan import certificate, grid, not_modelled, percent
 
 MAX_SCHEDULE_ROWS = 12  # more would not be read
 
@@ -20,6 +20,8 @@ MAX_SCHEDULE_ROWS = 12  # more would not be read
 def print_scenario_plan(plan: ScenarioPlan, console: Console) -> None:
     """Prints the plan: costs and bound, the common schedule, scenarios, certificate, time."""
     console.print(_verdict(plan))
+    if plan.case is not None and plan.case.omissions:
+        console.print(not_modelled(plan.case))
     proof = certificate(plan, " in every scenario", f"{plan.algorithm}; ")
     for section in (_schedule(plan), _over_scenarios(plan), proof):
         console.print()

@@ -14,6 +14,16 @@ import pytest
 PROGRESS = re.compile(r" *\d+\.\d s  ")
 
 COMMAND = Path(sys.executable).parent / "resilience"
+TAPPED = """
+mpc.version = '2';
+mpc.baseMVA = 10;
+mpc.bus = [
+    1 3 0 0 0 0 1 1 0 12.66 1 1.1 0.9;
+    2 1 0.8 0.2 0 0.6 1 1 0 12.66 1 1.1 0.9;
+];
+mpc.gen = [ 1 0 0 10 -10 1 100 1 10 0; ];
+mpc.branch = [ 1 2 0.01 0.02 0 0 0 0 0.95 0 1 -360 360; ];
+"""
 HEAVY = {"pandas", "pandapower", "pyomo", "casadi", "cvxpy", "torch", "matplotlib"}
 
 TINY = """
@@ -217,3 +227,16 @@ def test_verbose_prints_phases_to_stderr(tiny: Path) -> None:
     assert done.returncode == 0
     assert "conic relaxation" in done.stderr
     assert "conic relaxation" not in done.stdout.partition("time:")[0]
+
+
+def test_what_of_a_network_is_not_modelled_is_said_by_every_command(tmp_path: Path) -> None:
+    (tmp_path / "tapped.m").write_text(TAPPED, encoding="utf-8")
+    case, said = (
+        tmp_path / "tapped.toml",
+        "not modelled: 1 tap (1-2: 0.95); 1 shunt of 0.6 Mvar (2)",
+    )
+    new = run("case", "new", tmp_path / "tapped.m", "--out", case)
+    assert new.stderr.splitlines() == [said]
+    assert f"warning: {said}\n" in run("case", "check", case).stdout
+    solved = run("solve", case, "--method", "lp")
+    assert f"assumes no outage\n{said}\n" in solved.stdout

@@ -17,8 +17,8 @@ PACKAGE = Path(resilience.__file__).parent
 HOMES = ("models/components", "case/schema")
 ALLOWED = {
     "case/networks/matpower.py": "sorts the rows of a MATPOWER file, which has kinds of its own",
-    "case/networks/pandapower_net.py": "tables of pandapower, which has kinds of its own",
-    "case/starter.py": "writes a first case from what network files know: loads and sources",
+    "case/networks/pandapower_devices.py": "tables of pandapower, which has kinds of its own",
+    "case/starter/devices.py": "writes a first case of what network files know",
     "models/simulator/paper.py": "the paper's equations are of its kinds; others are refused",
     "testing/dispatchers.py": "builds a case that has one device of each kind",
     "testing/tiny_cases.py": "builds cases by keys of case files",

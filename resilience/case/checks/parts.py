@@ -9,6 +9,7 @@ from typing import Any
 from resilience.case.document import Document
 from resilience.case.inline import Inline
 from resilience.case.networks.network import Network
+from resilience.case.networks.omissions import Omission
 from resilience.case.schema import GeographyTable, LineTable, StormTable
 from resilience.case.window import Window
 
@@ -24,6 +25,7 @@ class Parts:
         inline: what the file itself says of the network.
         lines: `[[line]]` tables with their titles in messages.
         places: (x, y) of buses by name.
+        omissions: what of the network file is not modelled.
         geography: the table `[geography]`.
         storm: the table `[storm]`.
         devices: by kind, tables with their titles in messages: `[[ess]] ess2`.
@@ -35,6 +37,7 @@ class Parts:
     inline: Inline = field(default_factory=Inline)
     lines: list[tuple[LineTable, str]] = field(default_factory=list)
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    omissions: tuple[Omission, ...] = ()
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)

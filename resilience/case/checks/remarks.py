@@ -2,16 +2,48 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+
 from resilience.case.data import Case
-from resilience.case.schema import DeviceTable, ESSTable, GridTable, LoadTable
+from resilience.case.networks.omissions import omission_text
+from resilience.case.schema import DeviceTable, ESSTable, GridTable, LoadTable, PVTable
 
 _REACTIVE_KEYS = ("s_mva", "q_max_mvar")
 """Keys by which a device has reactive power, of an inverter and of a machine."""
+_MAX_LISTED = 8
+_DAWN_H, _DUSK_H = 4, 22
+"""Hours between which the sun may shine in summer."""
 
 
 def remarks(case: Case) -> list[str]:
     """Sentences about a valid case that its author should read; none where there is nothing odd."""
-    return [*_without_reactive_power(case), *_without_end_value(case)]
+    return [
+        *_not_modelled(case),
+        *_sun_at_night(case),
+        *_without_reactive_power(case),
+        *_without_end_value(case),
+    ]
+
+
+def _not_modelled(case: Case) -> list[str]:
+    """A remark on what of the network's source is not modelled."""
+    if not case.omissions:
+        return []
+    hint = "hint: voltages and losses differ from those of a power flow of the network file"
+    return [f"not modelled: {omission_text(case.omissions)}\n{hint}"]
+
+
+def _sun_at_night(case: Case) -> list[str]:
+    """A remark on plants whose sun never sets; those that must be taken are no plants."""
+    times = (case.start + timedelta(minutes=case.step_min) * t for t in range(case.slots))
+    plants = [p for p in case.tables_of(PVTable) if p.profile is None and p.curtailable]
+    if not plants or all(_DAWN_H <= time.hour < _DUSK_H for time in times):
+        return []
+    count = f"{len(plants)} plants" if len(plants) > 1 else f"[[pv]] {plants[0].name}"
+    return [
+        f"{count} without a profile: the sun shines at night as by day\n"
+        "hint: give [defaults.pv] profile = ..., a column of [profiles]"
+    ]
 
 
 def _without_end_value(case: Case) -> list[str]:
@@ -19,7 +51,7 @@ def _without_end_value(case: Case) -> list[str]:
     units = [u for u in case.tables_of(ESSTable) if u.soc_final_min is None]
     if "terminal_value_per_mwh" in case.source or not units:
         return []
-    names = ", ".join(f"[[ess]] {unit.name}" for unit in units)
+    names = _listed([f"[[ess]] {unit.name}" for unit in units])
     return [
         f"{names}: stored energy is worth nothing at the end, so a plan ends with empty storage "
         "wherever that saves anything\n"
@@ -29,7 +61,7 @@ def _without_end_value(case: Case) -> list[str]:
 
 def _without_reactive_power(case: Case) -> list[str]:
     """A remark on units that can carry an island alone, but not the reactive power of its loads."""
-    if all(load.power_factor == 1.0 for load in case.tables_of(LoadTable)):
+    if all(load.q_peak_mvar == 0.0 for load in case.tables_of(LoadTable)):
         return []
     units = [
         (f"[[{kind}]] {unit.name}", key)
@@ -40,13 +72,18 @@ def _without_reactive_power(case: Case) -> list[str]:
     keys = [key for key in _REACTIVE_KEYS if key in {missing for _, missing in units}]
     if not keys:
         return []
-    names = ", ".join(name for name, _ in units)
+    names = _listed([name for name, _ in units])
     return [
         f"{names}: grid-forming without {' or '.join(keys)}, so without "
         "reactive power; an island that has no other source of it sheds every load with a power "
         "factor below 1 on lindistflow and distflow\n"
         f"hint: give {' and '.join(keys)}, or set grid_forming = false"
     ]
+
+
+def _listed(names: list[str]) -> str:
+    more = f", ... ({len(names)} in all)" if len(names) > _MAX_LISTED else ""
+    return ", ".join(names[:_MAX_LISTED]) + more
 
 
 def _missing_key(unit: DeviceTable) -> str | None:

@@ -192,7 +192,7 @@ def check_units(parts: Parts, network: Network) -> None:
     """Notes powers and inline impedances that cannot be in the units of their names."""
     for kind, entries in parts.devices.items():
         typical_mw = _typical_mw(entries)
-        for device, title in entries:
+        for device, title in entries if not network.placeholder_kv else ():
             if device.bus and network.has_bus(device.bus):
                 vn_kv = float(network.vn_kv[network.bus(device.bus)])
                 for key, power_mw in _powers(device):

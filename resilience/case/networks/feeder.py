@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from resilience.arrays import Floats
+from resilience.case.networks.costs import UnitCost
 from resilience.case.networks.course import Course
 from resilience.case.networks.network import Network
+from resilience.case.networks.omissions import Omission, omission
+
+V_MIN_PU, V_MAX_PU = 0.9, 1.1
+"""Voltage limits where neither source nor case states any."""
 
 
 class FeederError(Exception):
     """A network that cannot be read.
 
     Args:
-        key: of `[network]`.
-        value: what stands there.
-        allowed: what may stand there.
-        hint: what to do about it.
+        findings: `(key of [network], what stands there, what may stand there, what to do about
+            it)`, one for each mistake.
     """
 
-    def __init__(self, key: str, value: str, allowed: str, hint: str) -> None:
-        super().__init__(key, value, allowed, hint)
-        self.finding = (key, value, allowed, hint)
+    def __init__(self, *findings: tuple[str, str, str, str]) -> None:
+        super().__init__(*findings)
+        self.findings = findings
+
+    def prefixed(self, key: str, prefix: str) -> FeederError:
+        """The same of a key of `[network]`, with `prefix` before what stands there."""
+        return FeederError(*((key, prefix + v, may, hint) for _, v, may, hint in self.findings))
 
 
 @dataclass(frozen=True)
@@ -50,17 +59,30 @@ class Branch:
     name: str = ""
     course: Course | None = None
 
+    @property
+    def title(self) -> str:
+        """Its name, or else its two buses."""
+        return self.name or f"{self.from_bus}-{self.to_bus}"
+
 
 @dataclass(frozen=True)
 class SourceDevice:
-    """A load, generator or grid connection that a network file brings along.
+    """A load, generator, storage or grid connection that a network file brings along.
 
     Attributes:
         name: the source's, or one made from its kind and number.
         bus: name of its bus.
         p_mw: consumption of a load; most that anything else gives.
-        q_mvar: consumption of a load.
+        q_mvar: consumption of a load; what a static generator feeds in beside `p_mw`.
         v_pu: voltage that a generator or grid connection holds.
+        p_min_mw: least that a generator or grid connection gives; negative where it takes.
+        q_min_mvar: least reactive power that it gives; None where the source states none.
+        q_max_mvar: greatest reactive power, likewise.
+        s_mva: rating; None where the source states none.
+        cost: of its energy; None where the source states none.
+        e_mwh: energy that a storage can hold; None where the source states none.
+        soc_min: least share of it.
+        soc: share of it that is stored at first.
     """
 
     name: str
@@ -68,36 +90,53 @@ class SourceDevice:
     p_mw: float
     q_mvar: float = 0.0
     v_pu: float = 1.0
+    p_min_mw: float = 0.0
+    q_min_mvar: float | None = None
+    q_max_mvar: float | None = None
+    s_mva: float | None = None
+    cost: UnitCost | None = None
+    e_mwh: float | None = None
+    soc_min: float = 0.0
+    soc: float = 0.5
 
 
 @dataclass(frozen=True)
 class Feeder:
     """A network as its source has it, with the devices the source knows.
 
-    Voltage limits are not taken from the source; the case sets them.
-
     Attributes:
-        network: its buses and branches.
-        load: its loads.
-        static: generators without voltage control, PV mostly.
-        generator: generators that hold a voltage.
+        network: its buses and branches, with the source's voltage limits.
+        load: its loads; a negative one feeds in.
+        flexible: loads that the source lets be shed at a price, `cost.per_mwh`.
+        static: photovoltaic plants, which follow the sun.
+        wind: wind turbines.
+        generator: generators that can be called on.
+        storage: its storage.
         grid: connections to a grid.
         places: (x, y) of buses by name, whatever the source means by them: degrees of longitude
             and latitude, or a drawing.
+        omissions: what of the source is in none of these.
     """
 
     network: Network
     load: tuple[SourceDevice, ...] = ()
+    flexible: tuple[SourceDevice, ...] = ()
     static: tuple[SourceDevice, ...] = ()
+    wind: tuple[SourceDevice, ...] = ()
     generator: tuple[SourceDevice, ...] = ()
+    storage: tuple[SourceDevice, ...] = ()
     grid: tuple[SourceDevice, ...] = ()
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    omissions: tuple[Omission, ...] = ()
 
 
 def make_network(
     buses: Sequence[tuple[str, float]],
     branches: Sequence[Branch],
     aliases: dict[str, str] | None = None,
+    *,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    placeholder_kv: bool = False,
 ) -> Network:
     """A network of buses and branches.
 
@@ -105,26 +144,36 @@ def make_network(
         buses: name and nominal voltage in kV of every bus.
         branches: lines and transformers, which name their buses.
         aliases: further names of buses.
+        limits: lowest and highest voltage by bus, pu, where the source states them.
+        placeholder_kv: the nominal voltages stand for nothing.
+
+    Raises:
+        FeederError: two buses of one name, or a branch to a bus that there is not.
     """
     index = {name: i for i, (name, _) in enumerate(buses)}
     index |= {alias: index[name] for alias, name in (aliases or {}).items()}
+    _check_names(buses, branches, index)
     count, fixed = len(branches), np.zeros(len(branches), dtype=np.bool_)
-    line_names = unique_names(b.name or f"{b.from_bus}-{b.to_bus}" for b in branches)
+    default = (V_MIN_PU, V_MAX_PU)
+    band = [(limits or {}).get(name, default) for name, _ in buses]
+    v_min, v_max = np.array(band, dtype=np.float64).reshape(-1, 2).T
+    line_names = unique_names(b.title for b in branches)
     return Network(
         bus_names=tuple(name for name, _ in buses),
         vn_kv=np.array([vn for _, vn in buses], dtype=np.float64),
-        v_min_pu=np.full(len(buses), 0.9),
-        v_max_pu=np.full(len(buses), 1.1),
+        v_min_pu=v_min.copy(),
+        v_max_pu=v_max.copy(),
         line_names=line_names,
         from_bus=np.array([index[b.from_bus] for b in branches], dtype=np.int64).reshape(count),
         to_bus=np.array([index[b.to_bus] for b in branches], dtype=np.int64).reshape(count),
-        r_pu=np.array([b.r_pu for b in branches], dtype=np.float64),
-        x_pu=np.array([b.x_pu for b in branches], dtype=np.float64),
-        rating_mva=np.array([b.rating_mva for b in branches], dtype=np.float64),
+        r_pu=_column(branches, "r_pu"),
+        x_pu=_column(branches, "x_pu"),
+        rating_mva=_column(branches, "rating_mva"),
         in_service=np.array([b.in_service for b in branches], dtype=np.bool_),
         switchable=fixed,
         switching_cost=np.zeros(count),
         breakpoint=fixed.copy(),
+        placeholder_kv=placeholder_kv,
         aliases=dict(aliases or {}),
         courses={
             name: b.course
@@ -132,6 +181,39 @@ def make_network(
             if b.course is not None
         },
     )
+
+
+def _column(branches: Sequence[Branch], key: str) -> Floats:
+    return np.array([getattr(branch, key) for branch in branches], dtype=np.float64)
+
+
+def _check_names(
+    buses: Sequence[tuple[str, float]], branches: Sequence[Branch], index: Mapping[str, int]
+) -> None:
+    twice = [name for name, count in Counter(name for name, _ in buses).items() if count > 1]
+    findings = [
+        ("", f"bus {name} twice", "every bus once", "rename or drop one of them") for name in twice
+    ]
+    for branch in branches:
+        absent = [bus for bus in (branch.from_bus, branch.to_bus) if bus not in index]
+        if absent:
+            value = f"branch {branch.title} to bus {' and '.join(absent)}, which is not there"
+            hint = "mend the branch, or add the bus"
+            findings.append(("", value, "branches between buses of the network", hint))
+    if findings:
+        raise FeederError(*findings)
+
+
+def unit_omissions(
+    generators: tuple[SourceDevice, ...], grid: tuple[SourceDevice, ...]
+) -> Iterator[Omission]:
+    """What of generators and grid connections cannot be as the source has it."""
+    takes = [(unit.name, unit.p_min_mw) for unit in generators if unit.p_min_mw < 0]
+    yield from omission("two-way generator", takes, "MW", "one that only gives")
+    curved = [u.name for u in generators if u.cost is not None and u.cost.is_chords]
+    yield from omission("curved cost", [(name, 0.0) for name in curved], instead="straight pieces")
+    bent = [u.name for u in grid if u.cost is not None and (u.cost.curve or u.cost.per_h)]
+    yield from omission("cost curve of a grid", [(n, 0.0) for n in bent], instead="its mean slope")
 
 
 def unique_names(names: Iterable[str]) -> tuple[str, ...]:

@@ -1,64 +1,40 @@
 """MATPOWER case files (`.m`, format version 2) as feeders.
 
-Distribution cases of MATPOWER state impedances in ohm and loads in kW and convert them with
-MATLAB statements at the end of the file. Those statements are carried out here; a statement that
-changes the tables in another way is refused, since reading past it would give a wrong network.
+Taken over are series impedances, ratings, voltage limits, loads, and generators with their limits
+and costs; a generator that can only take is a load with a price. What else the file states is
+listed in `Feeder.omissions`.
 """
 
 from __future__ import annotations
 
-import ast
 import math
-import operator
-import re
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from itertools import zip_longest
 from pathlib import Path
 
-import numpy as np
-
 from resilience.arrays import Floats
+from resilience.case.networks.costs import UnitCost, piecewise_cost, polynomial_cost
 from resilience.case.networks.feeder import (
+    V_MAX_PU,
+    V_MIN_PU,
     Branch,
     Feeder,
     FeederError,
     SourceDevice,
     make_network,
     unique_names,
+    unit_omissions,
 )
+from resilience.case.networks.matpower_text import COLUMNS, read_tables
+from resilience.case.networks.omissions import Omission, omission
 
-_COLUMNS = {
-    "bus": {"BUS_I": 0, "BUS_TYPE": 1, "PD": 2, "QD": 3, "GS": 4, "BS": 5, "BASE_KV": 9},
-    "branch": {
-        "F_BUS": 0,
-        "T_BUS": 1,
-        "BR_R": 2,
-        "BR_X": 3,
-        "BR_B": 4,
-        "RATE_A": 5,
-        "BR_STATUS": 10,
-    },
-    "gen": {"GEN_BUS": 0, "PG": 1, "QG": 2, "VG": 5, "GEN_STATUS": 7, "PMAX": 8, "PMIN": 9},
-}
-_REFERENCE, _ISOLATED = 3, 4
-_FUNCTIONS = {
-    "sqrt": math.sqrt,
-    "sin": math.sin,
-    "cos": math.cos,
-    "acos": math.acos,
-    "tan": math.tan,
-}
-_OPERATORS: dict[type[ast.operator], Callable[[float, float], float]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
-_CELL = re.compile(r"mpc\.(bus|branch|gen)\((\d+),\s*(\w+)\)")
-_COLUMN = re.compile(
-    r"mpc\.(?P<table>\w+)\(:,(?P<target>[^()]+)\)=mpc\.(?P=table)\(:,(?P<source>[^()]+)\)(?P<by>[*/].+)"
-)
+_LOAD_BUS, _REFERENCE, _ISOLATED = 1, 3, 4
+_PIECEWISE = 1
+_BUS, _BRANCH, _GEN = COLUMNS["bus"], COLUMNS["branch"], COLUMNS["gen"]
+_NEEDED = "mpc.baseMVA, mpc.bus and mpc.branch are needed, as MATPOWER's savecase writes them"
+_USUAL = f"free from {V_MIN_PU:g} to {V_MAX_PU:g} pu"
+_TEXT_TABLES = ("bus_name", "version")
 
 
 def feeder_from_matpower(path: Path) -> Feeder:
@@ -68,144 +44,228 @@ def feeder_from_matpower(path: Path) -> Feeder:
         FeederError: it is no such file, or holds statements that are not understood.
     """
     try:
-        tables = _read(path.read_text(encoding="utf-8", errors="replace"))
-        return _feeder(tables)
+        tables, others = read_tables(path.read_text(encoding="utf-8", errors="replace"))
+        for name in ("baseMVA", "bus", "branch"):
+            if name not in tables:
+                raise ValueError(f"no mpc.{name}")
+        _check(tables)
+        return _feeder(tables, others)
+    except FeederError as error:
+        raise error.prefixed("file", f"{path.name}: ") from None
     except (ValueError, ArithmeticError, LookupError, SyntaxError) as error:
-        hint = "mpc.baseMVA, mpc.bus and mpc.branch are needed, as MATPOWER's savecase writes them"
-        raise FeederError(
-            "file", f"{path.name}: {error}", "a MATPOWER case, version 2", hint
-        ) from None
+        value = f"{path.name}: {error}"
+        raise FeederError(("file", value, "a MATPOWER case, version 2", _NEEDED)) from None
 
 
-def _statements(text: str) -> Iterator[str]:
-    """Statements without comments and continuation marks; matrices stay in one piece."""
-    lines = (re.sub(r"%.*", "", re.sub(r"'[^'\n]*'", "''", line)) for line in text.splitlines())
-    joined = re.sub(r"\.\.\.[^\n]*\n", " ", "\n".join(lines))
-    for match in re.finditer(r"[^;\n\[{]*(?:(?:\[[^\]]*\]|\{[^}]*\})[^;\n\[{]*)*", joined):
-        statement = match[0].strip()
-        if statement:
-            yield statement
+Finding = tuple[str, str, str, str]
+"""Key of `[network]`, what stands there, what may, and what to do about it."""
 
 
-def _read(text: str) -> dict[str, Floats]:
-    """The tables `bus`, `branch` and `gen`, as rows of numbers, and `baseMVA`, of no dimension."""
-    tables: dict[str, Floats] = {}
-    scalars: dict[str, float] = {}
-    for statement in _statements(text):
-        target, _, value = (text.strip() for text in statement.partition("="))
-        matrix = re.fullmatch(r"mpc\.(bus|branch|gen)", target)
-        if matrix:
-            tables[matrix[1]] = _matrix(value)
-        elif target == "mpc.baseMVA":
-            scalars["mpc_baseMVA"] = _number(value, scalars)
-            tables["baseMVA"] = np.array(scalars["mpc_baseMVA"])
-        elif re.match(r"mpc\.(bus|branch|gen)\b", target):
-            _convert(re.sub(r"\s*([=*/(),:])\s*", r"\1", statement), tables, scalars)
-        elif re.fullmatch(r"[A-Za-z]\w*", target) and value:
-            with suppress(ValueError, SyntaxError):  # of no use here, or missed where it is used
-                scalars[target] = _number(_fill(value, tables), scalars)
-    return tables
+def _check(tables: dict[str, Floats]) -> None:
+    """Refuses what no later check of the network could see; all of it together."""
+    base_mva = float(tables["baseMVA"])
+    findings = [*_wrong_buses(tables["bus"]), *_wrong_ends(tables)]
+    if not (base_mva > 0 and math.isfinite(base_mva)):
+        value, hint = f"mpc.baseMVA is {base_mva:g}", "write the base in MVA"
+        findings.insert(0, ("", value, "a number above 0", hint))
+    if findings:
+        raise FeederError(*findings)
 
 
-def _matrix(text: str) -> Floats:
-    rows = [
-        re.split(r"[\s,]+", row.strip()) for row in re.split(r"[;\n]", text.strip().strip("[]"))
-    ]
-    return np.array([[_number(cell, {}) for cell in row] for row in rows if row != [""]])
+def _wrong_buses(bus: Floats) -> Iterator[Finding]:
+    for number, count in Counter(bus[:, _BUS["BUS_I"]].tolist()).items():
+        if count > 1 or not float(number).is_integer():
+            value = f"mpc.bus: bus {number:g} in {count} rows"
+            yield "", value, "whole numbers, every one once", "number the buses anew"
+    for row in bus[bus[:, _BUS["BUS_TYPE"]] != _ISOLATED]:
+        if row[_BUS["BASE_KV"]] == 0:
+            hint = "column 10 must hold the nominal voltage"
+            yield "", f"mpc.bus: baseKV is 0 at bus {row[0]:g}", "a voltage in kV above 0", hint
+        for key in ("PD", "QD", "GS", "BS"):
+            if not math.isfinite(row[_BUS[key]]):
+                value = f"mpc.bus: {key} is {row[_BUS[key]]:g} at bus {row[0]:g}"
+                yield "", value, "a number", "write 0 for none"
 
 
-def _fill(text: str, tables: dict[str, Floats]) -> str:
-    """An expression with numbers in place of single cells, as in `mpc.bus(1, BASE_KV)`."""
-
-    def cell(match: re.Match[str]) -> str:
-        table, row, column = match.groups()
-        return repr(float(tables[table][int(row) - 1, _column(table, column)]))
-
-    return _CELL.sub(cell, text).replace("mpc.baseMVA", "mpc_baseMVA")
-
-
-def _column(table: str, name: str) -> int:
-    return int(name) - 1 if name.isdigit() else _COLUMNS[table][name]
-
-
-def _convert(statement: str, tables: dict[str, Floats], scalars: dict[str, float]) -> None:
-    """Carries out `mpc.T(:, columns) = mpc.T(:, columns) * number`, or `/ number`."""
-    match = _COLUMN.fullmatch(statement)
-    if match is None or match["table"] not in tables:
-        raise ValueError(f"statement not understood: {statement}")
-    table = tables[match["table"]]
-    target, source = (
-        [_column(match["table"], name) for name in re.findall(r"\w+", match[side])]
-        for side in ("target", "source")
-    )
-    table[:, target] = table[:, source] * _factor(match["by"], scalars)
+def _wrong_ends(tables: dict[str, Floats]) -> Iterator[Finding]:
+    bus_numbers = set(tables["bus"][:, _BUS["BUS_I"]].tolist())
+    for name, keys in (("branch", ("F_BUS", "T_BUS")), ("gen", ("GEN_BUS",))):
+        for k, row in enumerate(tables.get(name, ()), start=1):
+            for key in keys:
+                if row[COLUMNS[name][key]] not in bus_numbers:
+                    value = f"mpc.{name}, row {k}: {key} is {row[COLUMNS[name][key]]:g}"
+                    yield "", value, "a bus of mpc.bus", "mend the row, or add the bus"
+    for k, row in enumerate(tables.get("dcline", ()), start=1):
+        if row[COLUMNS["dcline"]["BR_STATUS"]] > 0:
+            hint = "set its status to 0, or put generators at its ends"
+            yield "", f"mpc.dcline, row {k}: a DC line from {row[0]:g}", "AC branches", hint
 
 
-def _factor(text: str, scalars: dict[str, float]) -> float:
-    """The factor that `* a / b ...` amounts to; a sum is refused."""
-    product = node = ast.parse(f"1{text}".replace("^", "**"), mode="eval").body
-    while isinstance(node, ast.BinOp):
-        if not isinstance(node.op, ast.Mult | ast.Div):
-            raise ValueError(f"expression not understood: {text}")
-        node = node.left
-    return _value(product, scalars)
-
-
-def _number(text: str, scalars: dict[str, float]) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return float(_value(ast.parse(text.replace("^", "**"), mode="eval").body, scalars))
-
-
-def _value(node: ast.expr, scalars: dict[str, float]) -> float:
-    match node:
-        case ast.Constant(value=int() | float() as number):
-            return number
-        case ast.Name(id=name) if name in scalars:
-            return scalars[name]
-        case ast.UnaryOp(op=ast.USub(), operand=inner):
-            return -_value(inner, scalars)
-        case ast.BinOp(left=first, op=op, right=second) if type(op) in _OPERATORS:
-            return float(_OPERATORS[type(op)](_value(first, scalars), _value(second, scalars)))
-        case ast.Call(func=ast.Name(id=name), args=[inner]) if name in _FUNCTIONS:
-            return _FUNCTIONS[name](_value(inner, scalars))
-    raise ValueError(f"expression not understood: {ast.unparse(node)}")
-
-
-def _feeder(tables: dict[str, Floats]) -> Feeder:
-    base_mva, bus = float(tables["baseMVA"]), tables["bus"]
-    bus = bus[bus[:, 1] != _ISOLATED]
+def _feeder(tables: dict[str, Floats], others: list[str]) -> Feeder:
+    every, base_mva = tables["bus"], float(tables["baseMVA"])
+    bus = every[every[:, _BUS["BUS_TYPE"]] != _ISOLATED]
     names = {int(row[0]): str(int(row[0])) for row in bus}
-    unknown = [names[int(row[0])] for row in bus if row[9] <= 0]
-    if unknown:
-        raise ValueError(
-            f"baseKV is 0 at bus {unknown[0]}; column 10 must hold the nominal voltage"
-        )
-    branches = []
-    for row in tables["branch"]:
-        start, end = names.get(int(row[0])), names.get(int(row[1]))
-        if start is not None and end is not None:
-            rating = float(row[5]) or math.inf
-            r_pu, x_pu = float(row[2]) / base_mva, float(row[3]) / base_mva
-            branches.append(Branch(start, end, r_pu, x_pu, rating, bool(row[10] > 0)))
-    load = [
-        SourceDevice(f"load{names[int(row[0])]}", names[int(row[0])], float(row[2]), float(row[3]))
-        for row in bus
-        if row[2] or row[3]
-    ]
+    rows, branches = _branches(tables["branch"], names, base_mva)
+    kv = bus[:, _BUS["BASE_KV"]]
+    network = make_network(
+        list(zip(names.values(), kv.tolist(), strict=True)),
+        branches,
+        limits=_limits(bus, names),
+        placeholder_kv=len(kv) > 1 and bool((kv == 1.0).all()),
+    )
     reference = {names[int(row[0])] for row in bus if row[1] == _REFERENCE}
-    generators = list(_generators(tables.get("gen"), names))
+    units = list(_units(tables.get("gen"), tables.get("gencost"), names))
+    takes = [unit for unit in units if unit.p_mw <= 0 and unit.p_min_mw < 0]
+    gives = [unit for unit in units if unit not in takes]
+    generators = tuple(unit for unit in gives if unit.bus not in reference)
+    grid = tuple(unit for unit in gives if unit.bus in reference)
     return Feeder(
-        make_network([(names[int(row[0])], float(row[9])) for row in bus], branches),
-        load=tuple(load),
-        generator=tuple(device for device in generators if device.bus not in reference),
-        grid=tuple(device for device in generators if device.bus in reference),
+        network,
+        load=tuple(_loads(bus, names)),
+        flexible=tuple(map(_flexible, takes)),
+        generator=generators,
+        grid=grid,
+        omissions=(
+            *_of_branches(rows, network.line_names, base_mva),
+            *_of_buses(every, names),
+            *_of_units(generators, grid),
+            *_of_file(network.placeholder_kv, network.bus_names, others),
+        ),
     )
 
 
-def _generators(gen: Floats | None, names: dict[int, str]) -> Iterator[SourceDevice]:
-    rows = [] if gen is None else [row for row in gen if row[7] > 0 and int(row[0]) in names]
-    titles = unique_names(f"gen{int(row[0])}" for row in rows)
-    for row, title in zip(rows, titles, strict=True):
-        yield SourceDevice(title, names[int(row[0])], float(row[8]), v_pu=float(row[5]))
+def _branches(
+    table: Floats, names: dict[int, str], base_mva: float
+) -> tuple[list[Floats], list[Branch]]:
+    """The rows of branches between buses that are not isolated, and the branches."""
+    rows = [row for row in table if int(row[0]) in names and int(row[1]) in names]
+    branches = []
+    for row in rows:
+        rate = float(row[_BRANCH["RATE_A"]])
+        r_pu, x_pu = (float(row[_BRANCH[key]]) / base_mva for key in ("BR_R", "BR_X"))
+        # MATPOWER writes 0 for no limit, and exports NaN.
+        rating = math.inf if rate == 0 or math.isnan(rate) else rate
+        up = bool(row[_BRANCH["BR_STATUS"]] > 0)
+        branches.append(Branch(names[int(row[0])], names[int(row[1])], r_pu, x_pu, rating, up))
+    return rows, branches
+
+
+def _limits(bus: Floats, names: dict[int, str]) -> dict[str, tuple[float, float]]:
+    """(VMIN, VMAX) by bus; 0, NaN and infinity state none."""
+    limits = {}
+    for row in bus if bus.shape[1] > _BUS["VMIN"] else ():
+        low, high = float(row[_BUS["VMIN"]]), float(row[_BUS["VMAX"]])
+        if not _is_pinned(row):
+            limits[names[int(row[0])]] = (
+                low if 0 < low < math.inf else V_MIN_PU,
+                high if 0 < high < math.inf else V_MAX_PU,
+            )
+    return limits
+
+
+def _is_pinned(row: Floats) -> bool:
+    """Whether a bus without a unit that could hold it is to have one voltage exactly."""
+    if row[_BUS["BUS_TYPE"]] != _LOAD_BUS or len(row) <= _BUS["VMIN"]:
+        return False
+    return bool(row[_BUS["VMIN"]] == row[_BUS["VMAX"]] != 0.0)
+
+
+def _loads(bus: Floats, names: dict[int, str]) -> Iterator[SourceDevice]:
+    for row in bus:
+        p_mw, q_mvar = float(row[_BUS["PD"]]), float(row[_BUS["QD"]])
+        if p_mw or q_mvar:
+            name = names[int(row[0])]
+            yield SourceDevice(f"load{name}", name, p_mw, q_mvar)
+
+
+def _units(
+    gen: Floats | None, gencost: Floats | None, names: dict[int, str]
+) -> Iterator[SourceDevice]:
+    """Generators in service, dispatchable loads among them."""
+    table: list[Floats] = [] if gen is None else list(gen)
+    costs: list[Floats] = [] if gencost is None else list(gencost)[: len(table)]
+    rows = [
+        (row, cost)
+        for row, cost in zip_longest(table, costs)
+        if row[_GEN["GEN_STATUS"]] > 0 and int(row[0]) in names
+    ]
+    titles = unique_names(f"gen{int(row[0])}" for row, _ in rows)
+    for (row, cost), title in zip(rows, titles, strict=True):
+        p_min, p_max, q_min, q_max = (
+            _limit(row[_GEN[key]], title, key) for key in ("PMIN", "PMAX", "QMIN", "QMAX")
+        )
+        yield SourceDevice(
+            title,
+            names[int(row[0])],
+            p_max,
+            v_pu=float(row[_GEN["VG"]]),
+            p_min_mw=p_min,
+            q_min_mvar=q_min,
+            q_max_mvar=q_max,
+            cost=None if cost is None else _cost(cost, max(p_min, min(p_max, 0.0)), p_max),
+        )
+
+
+def _limit(value: float, title: str, key: str) -> float:
+    if math.isnan(value):
+        raise ValueError(f"mpc.gen, {title}: {key} is no number")
+    return float(value)
+
+
+def _cost(row: Floats, p_min_mw: float, p_max_mw: float) -> UnitCost:
+    """The cost of one row of mpc.gencost."""
+    count, start = int(row[3]), max(float(row[1]), 0.0)
+    if row[0] == _PIECEWISE:
+        points = row[4 : 4 + 2 * count].reshape(-1, 2).tolist()
+        return piecewise_cost(tuple((p, cost) for p, cost in points), p_min_mw, p_max_mw, start)
+    return polynomial_cost(row[4 : 4 + count].tolist(), p_min_mw, p_max_mw, start)
+
+
+def _flexible(unit: SourceDevice) -> SourceDevice:
+    """A dispatchable load: MATPOWER holds its power factor by the QMIN or QMAX that is not 0."""
+    q_mvar = -(unit.q_min_mvar or unit.q_max_mvar or 0.0)
+    name = unit.name.replace("gen", "flexible", 1)
+    return SourceDevice(name, unit.bus, -unit.p_min_mw, q_mvar, cost=unit.cost)
+
+
+def _of_branches(rows: list[Floats], names: tuple[str, ...], base_mva: float) -> Iterator[Omission]:
+    def where(
+        key: str, differs: Callable[[float], bool], size: float = 1.0
+    ) -> list[tuple[str, float]]:
+        column = [float(row[_BRANCH[key]]) for row in rows]
+        return [(n, v * size) for n, v in zip(names, column, strict=True) if differs(v)]
+
+    taps = where("TAP", lambda ratio: ratio not in (0.0, 1.0))
+    yield from omission("tap", [(f"{name}: {ratio:g}", ratio) for name, ratio in taps])
+    shifts = where("SHIFT", lambda degrees: degrees != 0.0)
+    yield from omission("phase shift", [(f"{n}: {degrees:g} deg", 0.0) for n, degrees in shifts])
+    yield from omission("charging", where("BR_B", lambda b: b != 0.0, base_mva), "Mvar")
+
+
+def _of_buses(every: Floats, names: dict[int, str]) -> Iterator[Omission]:
+    for element, key, unit in (("shunt conductance", "GS", "MW"), ("shunt", "BS", "Mvar")):
+        rows = [row for row in every if int(row[0]) in names and row[_BUS[key]] != 0.0]
+        shunts = [(names[int(row[0])], float(row[_BUS[key]])) for row in rows]
+        yield from omission(element, shunts, unit)
+    pinned = [
+        (names[int(row[0])], 0.0) for row in every if int(row[0]) in names and _is_pinned(row)
+    ]
+    yield from omission("load bus of one fixed voltage", pinned, instead=_USUAL)
+    isolated = [row for row in every if int(row[0]) not in names]
+    yield from omission("isolated bus", [(f"{row[0]:g}", float(row[2])) for row in isolated], "MW")
+
+
+def _of_units(
+    generators: tuple[SourceDevice, ...], grid: tuple[SourceDevice, ...]
+) -> Iterator[Omission]:
+    setpoints = [(unit.name, 0.0) for unit in generators if unit.q_min_mvar != unit.q_max_mvar]
+    yield from omission("held voltage", setpoints, instead="free within the limits of the bus")
+    yield from unit_omissions(generators, grid)
+
+
+def _of_file(placeholder: bool, buses: tuple[str, ...], others: list[str]) -> Iterator[Omission]:
+    if placeholder:
+        every = [(name, 0.0) for name in buses]
+        yield from omission("nominal voltage", every, instead="1 kV as in the file, a placeholder")
+    unread = [(f"mpc.{name}", 0.0) for name in others if name not in _TEXT_TABLES]
+    yield from omission("table", unread)

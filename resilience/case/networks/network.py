@@ -46,6 +46,7 @@ class Network:
         switching_cost: (lines,) $ per action.
         breakpoint: (lines,) whether it can fail.
         parallel_grids: whether several grid connections may feed one tree of closed lines.
+        placeholder_kv: the nominal voltages stand for nothing, as the source has only per unit.
         aliases: names of buses that a closed switch fuses to the one that stands for them.
         courses: how lines run, by name, of those whose source says anything of it.
     """
@@ -65,6 +66,7 @@ class Network:
     switching_cost: Floats
     breakpoint: Bools
     parallel_grids: bool = False
+    placeholder_kv: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
     courses: Mapping[str, Course] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)

@@ -1,53 +1,65 @@
-"""pandapower networks as feeders, read from their JSON without importing pandapower.
+"""pandapower networks as feeders: buses, branches and switches.
 
 Lines, two-winding transformers, impedances and bus-bus switches with an impedance become series
-branches on 1 MVA; taps stand at neutral, shunt admittances are left out. Closed bus-bus switches
-fuse buses. An open switch at a line or transformer takes it out of service.
+branches on 1 MVA; taps stand at neutral, shunt admittances are left out and listed. Closed bus-bus
+switches fuse buses. An open switch at a line or transformer takes it out of service.
 """
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import logging
 import math
-import re
-import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from resilience.case.networks.course import pandapower_courses
 from resilience.case.networks.feeder import (
+    V_MAX_PU,
+    V_MIN_PU,
     Branch,
     Feeder,
     FeederError,
-    SourceDevice,
     make_network,
-    unique_names,
 )
-from resilience.case.networks.network import did_you_mean
+from resilience.case.networks.omissions import omission
+from resilience.case.networks.pandapower_devices import devices
+from resilience.case.networks.pandapower_omissions import omissions
+from resilience.case.networks.pandapower_tables import (
+    Row,
+    Tables,
+    active,
+    number,
+    source_names,
+    tables_of_file,
+    tables_of_name,
+)
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Row = dict[str, Any]
-"""A row of a table by column, with its `index`; JSON tells no more of its values."""
-Tables = dict[str, list[Row]]
-
-_BRANCHES = ("line", "trafo", "impedance")
-_INJECTIONS = ("load", "asymmetric_load", "sgen", "gen", "ext_grid")
-_READ = ("bus", "switch", *_BRANCHES, *_INJECTIONS)
 _REFUSED = {
     "trafo3w": "three-winding transformer",
     "dcline": "DC line",
     "line_dc": "DC line",
     "tcsc": "series compensator",
+    "vsc": "converter",
     "b2b_vsc": "back-to-back converter",
 }
 _NO_LIMIT_KA = 9999.0
 """pandapower writes 99999 kA where the source gives no limit."""
+_ENDS = ("bus", "from_bus", "to_bus", "hv_bus", "lv_bus")
+_PERCENT = ("max_loading_percent",)
+_POSITIVE = {
+    "bus": ("vn_kv",),
+    "line": ("length_km", "parallel", "df", *_PERCENT),
+    "trafo": ("sn_mva", "vn_hv_kv", "vn_lv_kv", "parallel", "df", *_PERCENT),
+    "impedance": ("sn_mva",),
+}
+"""Columns that scale others: 0 or less makes energy, or divides by nothing."""
+_NEEDED = {
+    "bus": ("vn_kv",),
+    "line": ("length_km",),
+    "trafo": ("sn_mva", "vn_lv_kv"),
+    "impedance": ("sn_mva",),
+}
 
 
 @cache
@@ -57,17 +69,7 @@ def feeder_by_name(name: str) -> Feeder:
     Raises:
         FeederError: there is no such network, or it has devices that a case cannot have.
     """
-    spec = importlib.util.find_spec("pandapower")
-    folders = spec.submodule_search_locations if spec else None
-    if not folders:
-        raise FeederError(
-            "pandapower", repr(name), "an installed pandapower", "pip install pandapower"
-        )
-    path = Path(folders[0]) / "networks" / "power_system_test_case_jsons" / f"{name}.json"
-    # pandapower moves the reference bus of the RTE cases after reading their file.
-    as_filed = path.is_file() and not name.endswith("rte")
-    tables = _parse(path) if as_filed else _call(name)
-    return _feeder(tables, "pandapower", name)
+    return feeder_from_tables(tables_of_name(name), "pandapower", name)
 
 
 def feeder_from_json(path: Path) -> Feeder:
@@ -77,111 +79,99 @@ def feeder_from_json(path: Path) -> Feeder:
         FeederError: it is no such file, or has devices that a case cannot have.
     """
     try:
-        return _feeder(_parse(path), "file", path.name)
+        return feeder_from_tables(tables_of_file(path), "file", path.name)
     except (KeyError, TypeError, ValueError) as error:
         hint = "write the file with pandapower.to_json(net, path)"
-        raise FeederError("file", f"{path.name}: {error!r}", "complete tables", hint) from None
+        value = f"{path.name}: {error!r}"
+        raise FeederError(("file", value, "complete tables", hint)) from None
 
 
-def _parse(path: Path) -> Tables:
-    hint = "write the file with pandapower.to_json(net, path)"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        tables = content["_object"]
-        return {name: _rows(tables[name]) for name in (*_READ, *_REFUSED) if name in tables}
-    except (ValueError, KeyError, TypeError) as error:
-        raise FeederError("file", path.name, f"a pandapower network ({error!r})", hint) from None
+def feeder_from_tables(tables: Tables, key: str, source: str) -> Feeder:
+    """A feeder from the tables of a network.
 
+    Args:
+        tables: of the network.
+        key: of `[network]` that names the source.
+        source: what it says there.
 
-def _rows(frame: Row) -> list[Row]:
-    body = frame["_object"]
-    if isinstance(body, str):
-        body = json.loads(body)
-    columns = body["columns"]
-    rows = [
-        {"index": index, **dict(zip(columns, values, strict=True))}
-        for index, values in zip(body["index"], body["data"], strict=True)
-    ]
-    return sorted(rows, key=lambda row: int(row["index"]))
-
-
-def _call(name: str) -> Tables:
-    """A network that pandapower builds with code."""
-    logger = logging.getLogger("pandapower")
-    level = logger.level
-    with warnings.catch_warnings():
-        # Its power flows warn of missing numba and of features it is about to drop.
-        warnings.filterwarnings("ignore", module=r"pandapower\b")
-        logger.setLevel(logging.ERROR)
-        try:
-            frames = _frames(name)
-        finally:
-            logger.setLevel(level)
-    return {
-        key: [
-            {"index": index, **{str(column): value for column, value in row.items()}}
-            for index, row in zip(frame.index.tolist(), frame.to_dict("records"), strict=True)
-        ]
-        for key, frame in frames.items()
-    }
-
-
-def _frames(name: str) -> dict[str, pd.DataFrame]:
-    import pandapower.networks as library
-
-    builders = {
-        key: value
-        for key, value in vars(library).items()
-        if getattr(value, "__module__", "").startswith(library.__name__) and key[0] != "_"
-    }
-    if name not in builders:
-        hint = did_you_mean(name, builders)
-        raise FeederError("pandapower", f'"{name}"', "a function of pandapower.networks", hint)
-    try:
-        net = builders[name]()
-        return {key: net[key] for key in (*_READ, *_REFUSED) if key in net}
-    except (TypeError, KeyError, IndexError) as error:
-        allowed = "a function that needs no argument and returns a network"
-        raise FeederError("pandapower", f'"{name}"', allowed, str(error)) from None
-
-
-def _number(row: Row, key: str, default: float) -> float:
-    value = row.get(key)
-    if value is None or isinstance(value, str) or math.isnan(value):
-        return default
-    return float(value)
-
-
-def _active(tables: Tables, kind: str) -> Iterator[Row]:
-    return (row for row in tables.get(kind, []) if row.get("in_service", True))
-
-
-def _source_names(rows: list[Row]) -> dict[int, str] | None:
-    """The source's names by index, or `None` where they are missing, repeated or numbers."""
-    names = [name.strip() for row in rows if isinstance(name := row.get("name"), str)]
-    telling = [name for name in names if name and not re.fullmatch(r"\d+(\.0)?", name)]
-    if len(set(telling)) < len(rows):
-        return None
-    return {int(row["index"]): name for row, name in zip(rows, names, strict=True)}
-
-
-def _feeder(tables: Tables, key: str, source: str) -> Feeder:
-    for kind, words in _REFUSED.items():
-        for row in _active(tables, kind):
-            raise FeederError(
-                key,
-                f"{source} has a {words} ({row.get('name') or row['index']})",
-                "lines, two-winding transformers and impedances",
-                "replace it by two-winding transformers or lines, or take it out of service",
-            )
-    rows = list(_active(tables, "bus"))
-    names = _source_names(rows) or {int(r["index"]): str(int(r["index"]) + 1) for r in rows}
-    vn_kv = {names[int(r["index"])]: float(r["vn_kv"]) for r in rows}
+    Raises:
+        FeederError: what is wrong with it; all of it together.
+    """
+    rows = list(active(tables, "bus"))
+    names = source_names(rows) or {int(r["index"]): str(int(r["index"]) + 1) for r in rows}
+    refused = [(key, f"{source}: {v}", allowed, hint) for v, allowed, hint in _unsound(tables)]
+    if refused:
+        raise FeederError(*refused)
+    vn_kv = {names[int(r["index"])]: number(r, "vn_kv", math.nan) for r in rows}
     aliases = _fuse(tables, names)
     buses = [(name, vn) for name, vn in vn_kv.items() if name not in aliases]
-    branches = [b for b in _branches(tables, names, vn_kv) if not _loop(b, aliases)]
-    network = make_network(buses, branches, aliases)
-    return Feeder(network, **_devices(tables, names, aliases), places=_places(rows, names))
+    every = list(_branches(tables, names, vn_kv))
+    branches = [branch for branch in every if not _loop(branch, aliases)]
+    limits, pinned = _limits(tables, names, aliases)
+    network = make_network(buses, branches, aliases, limits=limits)
+    units = devices(tables, names, aliases)
+    return Feeder(
+        network,
+        **units.groups(),
+        places=_places(rows, names),
+        omissions=(
+            *omissions(tables, names, [b.title for b in every if _loop(b, aliases)]),
+            *omission(
+                "load bus of one fixed voltage",
+                [(bus, 0.0) for bus in pinned],
+                instead=f"free from {V_MIN_PU:g} to {V_MAX_PU:g} pu",
+            ),
+            *units.omissions,
+        ),
+    )
+
+
+def _unsound(tables: Tables) -> Iterator[tuple[str, str, str]]:
+    """`(value, allowed, hint)` of what no later check of the network could see."""
+    for kind, words in _REFUSED.items():
+        for row in active(tables, kind):
+            value = f"has a {words} ({row.get('name') or row['index']})"
+            hint = "replace it by two-winding transformers or lines, or take it out of service"
+            yield value, "lines, two-winding transformers and impedances", hint
+    indices = {int(row["index"]) for row in tables["bus"]}
+    for kind, rows in tables.items():
+        for row in rows:
+            where = f"{kind} {row.get('name') or row['index']}"
+            coupler = kind == "switch" and row["et"] == "b"
+            for end in (*_ENDS, "element") if coupler else _ENDS:
+                if end in row and number(row, end, math.nan) not in indices:
+                    value = f"{where}: {end} is {row[end]}"
+                    yield value, "the index of a bus of the network", "mend the row, or add the bus"
+            for key in _POSITIVE.get(kind, ()):
+                default = math.nan if key in _NEEDED[kind] else 1.0
+                if not number(row, key, default) > 0:
+                    yield f"{where}: {key} is {row.get(key)}", "a number above 0", "mend the row"
+
+
+def _limits(
+    tables: Tables, names: dict[int, str], aliases: Mapping[str, str]
+) -> tuple[dict[str, tuple[float, float]], list[str]]:
+    """(lowest, highest) voltage by bus; of fused buses the tightest.
+
+    And buses that have one voltage exactly and nothing to hold it, which cannot be.
+    """
+    limits: dict[str, tuple[float, float]] = {}
+    for row in active(tables, "bus"):
+        name = names[int(row["index"])]
+        bus = aliases.get(name, name)
+        low, high = number(row, "min_vm_pu", 0.0), number(row, "max_vm_pu", math.inf)
+        before = limits.get(bus, (0.0, math.inf))
+        limits[bus] = max(before[0], low), min(before[1], high)
+    holding = {
+        names.get(int(row["bus"])) for kind in ("gen", "ext_grid") for row in active(tables, kind)
+    }
+    holds = {aliases.get(str(bus), str(bus)) for bus in holding}
+    pinned = {bus for bus, (low, high) in limits.items() if low == high and bus not in holds}
+    return {
+        bus: (low if low > 0 else V_MIN_PU, high if high < math.inf else V_MAX_PU)
+        for bus, (low, high) in limits.items()
+        if bus not in pinned
+    }, sorted(pinned)
 
 
 def _places(rows: list[Row], names: dict[int, str]) -> dict[str, tuple[float, float]]:
@@ -208,7 +198,7 @@ def _fuse(tables: Tables, names: dict[int, str]) -> dict[str, str]:
 
     order = {name: i for i, name in enumerate(parent)}
     for row in tables.get("switch", []):
-        if row["et"] == "b" and row["closed"] and not _number(row, "z_ohm", 0.0) > 0:
+        if row["et"] == "b" and row["closed"] and not number(row, "z_ohm", 0.0) > 0:
             ends = [names.get(int(row["bus"])), names.get(int(row["element"]))]
             if ends[0] is not None and ends[1] is not None:
                 first, second = sorted((root(ends[0]), root(ends[1])), key=order.__getitem__)
@@ -225,14 +215,15 @@ def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) ->
     opened = {
         (row["et"], int(row["element"])) for row in tables.get("switch", []) if not row["closed"]
     }
-    for kind, parameters, ends, switch in (
+    kinds: tuple[tuple[str, Parameters, tuple[str, str], str], ...] = (
         ("line", _line, ("from_bus", "to_bus"), "l"),
         ("trafo", _trafo, ("hv_bus", "lv_bus"), "t"),
         ("impedance", _impedance, ("from_bus", "to_bus"), ""),
-    ):
+    )
+    for kind, parameters, ends, switch in kinds:
         rows = tables.get(kind, [])
         courses = pandapower_courses(rows) if kind == "line" else {}
-        source_names = _source_names(rows) or {}
+        labels = source_names(rows) or {}
         for row in rows:
             start, stop = (names.get(int(row[end])) for end in ends)
             if start is None or stop is None:
@@ -240,7 +231,7 @@ def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) ->
             index = int(row["index"])
             r_pu, x_pu, rating = parameters(row, vn_kv[start], vn_kv[stop])
             up = bool(row.get("in_service", True)) and (switch, index) not in opened
-            name, course = source_names.get(index, ""), courses.get(index)
+            name, course = labels.get(index, ""), courses.get(index)
             yield Branch(start, stop, r_pu, x_pu, rating, up, name, course)
     yield from _switch_branches(tables, names, vn_kv)
 
@@ -249,30 +240,35 @@ def _switch_branches(
     tables: Tables, names: dict[int, str], vn_kv: dict[str, float]
 ) -> Iterator[Branch]:
     for row in tables.get("switch", []):
-        z_ohm = _number(row, "z_ohm", 0.0)
+        z_ohm = number(row, "z_ohm", 0.0)
         if row["et"] == "b" and row["closed"] and z_ohm > 0:
             start, stop = names.get(int(row["bus"])), names.get(int(row["element"]))
             if start is not None and stop is not None:
                 yield Branch(start, stop, z_ohm / vn_kv[start] ** 2, 0.0)
 
 
+Parameters = Callable[[Row, float, float], tuple[float, float, float]]
+"""Resistance and reactance, pu, and rating, MVA, of a row between two nominal voltages, kV."""
+
+
 def _line(row: Row, vn_kv: float, _: float) -> tuple[float, float, float]:
-    parallel = _number(row, "parallel", 1.0)
-    scale = float(row["length_km"]) / parallel / vn_kv**2
-    limit_ka = _number(row, "max_i_ka", math.inf)
-    if limit_ka >= _NO_LIMIT_KA or limit_ka <= 0:
+    parallel = number(row, "parallel", 1.0)
+    scale = number(row, "length_km", math.nan) / parallel / vn_kv**2
+    limit_ka = number(row, "max_i_ka", math.inf)
+    if limit_ka >= _NO_LIMIT_KA or limit_ka == 0:
         limit_ka = math.inf
-    loading = _number(row, "max_loading_percent", 100.0) / 100.0
-    rating = limit_ka * _number(row, "df", 1.0) * parallel * loading * math.sqrt(3.0) * vn_kv
-    return float(row["r_ohm_per_km"]) * scale, float(row["x_ohm_per_km"]) * scale, rating
+    loading = number(row, "max_loading_percent", 100.0) / 100.0
+    rating = limit_ka * number(row, "df", 1.0) * parallel * loading * math.sqrt(3.0) * vn_kv
+    r_ohm, x_ohm = (number(row, f"{axis}_ohm_per_km", math.nan) for axis in "rx")
+    return r_ohm * scale, x_ohm * scale, rating
 
 
 def _trafo(row: Row, _: float, vn_lv_kv: float) -> tuple[float, float, float]:
-    parallel, sn_mva = _number(row, "parallel", 1.0), float(row["sn_mva"])
+    parallel, sn_mva = number(row, "parallel", 1.0), float(row["sn_mva"])
     scale = (float(row["vn_lv_kv"]) / vn_lv_kv) ** 2 / sn_mva / parallel / 100.0
     vk, vkr = float(row["vk_percent"]), float(row["vkr_percent"])
-    loading = _number(row, "max_loading_percent", 100.0) / 100.0
-    rating = sn_mva * _number(row, "df", 1.0) * parallel * loading
+    loading = number(row, "max_loading_percent", 100.0) / 100.0
+    rating = sn_mva * number(row, "df", 1.0) * parallel * loading
     # MATPOWER branches that pandapower turned into transformers without a limit carry 99999 MVA.
     rating = math.inf if rating >= _NO_LIMIT_KA else rating
     x_percent = math.copysign(math.sqrt(max(vk**2 - vkr**2, 0.0)), vk)
@@ -282,35 +278,3 @@ def _trafo(row: Row, _: float, vn_lv_kv: float) -> tuple[float, float, float]:
 def _impedance(row: Row, _: float, __: float) -> tuple[float, float, float]:
     sn_mva = float(row["sn_mva"])
     return float(row["rft_pu"]) / sn_mva, float(row["xft_pu"]) / sn_mva, math.inf
-
-
-def _devices(
-    tables: Tables, names: dict[int, str], aliases: dict[str, str]
-) -> dict[str, tuple[SourceDevice, ...]]:
-    def read(kind: str, power: str) -> list[SourceDevice]:
-        rows = [r for r in _active(tables, kind) if int(r["bus"]) in names]
-        source_names = _source_names(rows) or {}
-        titles = unique_names(
-            source_names.get(int(r["index"]), f"{kind}{int(r['index']) + 1}") for r in rows
-        )
-        devices = []
-        for row, title in zip(rows, titles, strict=True):
-            bus, scale = names[int(row["bus"])], _number(row, "scaling", 1.0)
-            p_mw = sum(_number(row, key, 0.0) for key in power.split())
-            q_mvar = sum(
-                _number(row, key.replace("p_", "q_").replace("mw", "mvar"), 0.0)
-                for key in power.split()
-            )
-            v_pu = _number(row, "vm_pu", 1.0)
-            devices.append(
-                SourceDevice(title, aliases.get(bus, bus), p_mw * scale, q_mvar * scale, v_pu)
-            )
-        return devices
-
-    phases = read("asymmetric_load", "p_a_mw p_b_mw p_c_mw")
-    return {
-        "load": (*read("load", "p_mw"), *phases),
-        "static": tuple(read("sgen", "p_mw")),
-        "generator": tuple(read("gen", "max_p_mw")),
-        "grid": tuple(read("ext_grid", "max_p_mw")),
-    }

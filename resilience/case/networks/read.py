@@ -14,23 +14,29 @@ from resilience.case.networks.course import Course
 from resilience.case.networks.feeder import Branch, Feeder, FeederError, make_network
 from resilience.case.networks.matpower import feeder_from_matpower
 from resilience.case.networks.network import Network
+from resilience.case.networks.soundness import network_findings
 from resilience.case.schema import LineTable, NetworkTable
 
 
 def read_feeder(table: NetworkTable) -> Feeder:
-    """The network that a case names, from where it is.
+    """The network that a case names, from where it is, checked.
 
     Raises:
-        FeederError: it cannot be read.
+        FeederError: it cannot be read, or its numbers are not sound.
     """
+    feeder = _from_source(table)
+    findings = list(network_findings(feeder.network, "pandapower" if table.pandapower else "file"))
+    if findings:
+        raise FeederError(*findings)
+    return feeder
+
+
+def _from_source(table: NetworkTable) -> Feeder:
     sources = [key for key in ("pandapower", "file", "bus") if getattr(table, key)]
     if len(sources) != 1:
-        raise FeederError(
-            "",
-            " and ".join(sources) or "no network",
-            "exactly one of pandapower, file, or [[network.bus]] with [[network.line]]",
-            'for example pandapower = "case33bw"',
-        )
+        allowed = "exactly one of pandapower, file, or [[network.bus]] with [[network.line]]"
+        hint = 'for example pandapower = "case33bw"'
+        raise FeederError(("", " and ".join(sources) or "no network", allowed, hint))
     if table.pandapower:
         from resilience.case.networks.pandapower_net import feeder_by_name
 
@@ -38,9 +44,8 @@ def read_feeder(table: NetworkTable) -> Feeder:
     if table.file:
         path = Path(table.file)
         if not path.is_file():
-            raise FeederError(
-                "file", str(path), "a file that exists", "paths start at the case file's folder"
-            )
+            hint = "paths start at the case file's folder"
+            raise FeederError(("file", str(path), "a file that exists", hint))
         return _read_file(path, path.stat().st_mtime_ns)
     return _inline(table)
 
@@ -49,7 +54,7 @@ def read_feeder(table: NetworkTable) -> Feeder:
 def _read_file(path: Path, _mtime: int) -> Feeder:
     if path.suffix not in READERS:
         allowed = "a pandapower .json or a MATPOWER .m file"
-        raise FeederError("file", path.name, allowed, "convert the network")
+        raise FeederError(("file", path.name, allowed, "convert the network"))
     return READERS[path.suffix](path)
 
 
@@ -90,8 +95,9 @@ def _inline(table: NetworkTable) -> Feeder:
 
 def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTable]) -> Network:
     """The network with what the case says of it: scale, voltage limits, and `[[line]]` tables."""
-    v_min = np.full(len(network.bus_names), table.v_min_pu)
-    v_max = np.full(len(network.bus_names), table.v_max_pu)
+    v_min, v_max = network.v_min_pu.copy(), network.v_max_pu.copy()
+    v_min[:] = v_min if table.v_min_pu is None else table.v_min_pu
+    v_max[:] = v_max if table.v_max_pu is None else table.v_max_pu
     for bus in table.bus:
         i = network.bus(bus.name)
         v_min[i], v_max[i] = bus.v_min_pu or v_min[i], bus.v_max_pu or v_max[i]

@@ -53,8 +53,14 @@ class NetworkTable(Table):
     bus: tuple[BusTable, ...] = Field((), strict=False, description="inline buses")
     line: tuple[BranchTable, ...] = Field((), strict=False, description="inline lines")
     impedance_scale: Positive = Field(1.0, description="multiplies every r and x")
-    v_min_pu: Positive = Field(0.9, description="lower voltage limit of all buses, pu")
-    v_max_pu: Positive = Field(1.1, description="upper voltage limit of all buses, pu")
+    v_min_pu: Positive | None = Field(
+        None,
+        description="lower voltage limit of all buses, pu; default: that of every bus in the "
+        "network file, 0.9 where it states none",
+    )
+    v_max_pu: Positive | None = Field(
+        None, description="upper voltage limit of all buses, pu; default: likewise, 1.1"
+    )
     parallel_grids: bool = Field(
         False,
         description="true: several [[grid]] may feed one tree of closed lines; false: each tree "

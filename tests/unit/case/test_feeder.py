@@ -7,7 +7,8 @@ import pytest
 
 from resilience.case import load_case
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.pandapower_net import _call, _feeder, _trafo, feeder_by_name
+from resilience.case.networks.pandapower_net import _trafo, feeder_by_name, feeder_from_tables
+from resilience.case.networks.pandapower_tables import tables_of_call
 from resilience.case.networks.read import read_feeder
 from resilience.case.schema import NetworkTable
 from resilience.errors import UsageError
@@ -46,7 +47,10 @@ def test_impedances_are_those_of_pandapowers_power_flow(name):
 
 @pytest.mark.parametrize("name", ["case33bw", "case118", "case57", "iceland"])
 def test_reading_pandapowers_files_gives_what_its_functions_give(name):
-    read, called = feeder_by_name(name), _feeder(_call(name), "pandapower", name)
+    read, called = (
+        feeder_by_name(name),
+        feeder_from_tables(tables_of_call(name), "pandapower", name),
+    )
     assert read.network.equals(called.network)
     assert (read.load, read.grid, read.generator) == (called.load, called.grid, called.generator)
 
@@ -215,7 +219,7 @@ def odd_net(pp):
         net, d, p_a_mw=0.2, p_b_mw=0.3, p_c_mw=0.5, q_a_mvar=0.05, q_b_mvar=0.07, q_c_mvar=0.11,
         scaling=1.5,
     )  # fmt: skip
-    pp.create_sgen(net, c, p_mw=0.6, q_mvar=0.13, scaling=0.5)
+    pp.create_sgen(net, c, p_mw=0.6, q_mvar=0.13, scaling=0.5, type="PV")
     pp.create_gen(net, b, p_mw=0.4, max_p_mw=0.9, vm_pu=1.02)
     return net
 

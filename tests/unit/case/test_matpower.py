@@ -108,3 +108,130 @@ def test_other_statements_on_the_tables_are_refused(tmp_path, statement):
 def test_a_file_that_lacks_what_is_needed_is_refused(tmp_path, old, new, message):
     with pytest.raises(FeederError, match=message):
         read(tmp_path, OHMS.replace(old, new, 1).split("[PQ", 1)[0])
+
+
+PLAIN = OHMS.split("[PQ", 1)[0]
+
+
+def refused(tmp_path, text: str) -> str:
+    with pytest.raises(FeederError) as caught:
+        read(tmp_path, text)
+    return "\n".join(value for _, value, *_ in caught.value.findings)
+
+
+def test_nothing_within_a_block_comment_is_carried_out(tmp_path):
+    text = PLAIN + "%{\nmpc.bus(:, 3) = mpc.bus(:, 3) * 2;\n  %{\n  x\n  %}\nif y\n%}\n"
+    assert read(tmp_path, text).load[0].p_mw == 100.0
+    assert read(tmp_path, text + "mpc.bus(:, 3) = mpc.bus(:, 3) * 2;\n").load[0].p_mw == 200.0
+
+
+@pytest.mark.parametrize("word", ["if", "for", "while", "switch", "try"])
+def test_a_branch_of_the_program_is_refused_by_its_line(tmp_path, word):
+    text = PLAIN + f"x = [1 ...\n 2];\n\n{word} x\n  mpc.bus(:, 3) = mpc.bus(:, 3) * 2;\nend\n"
+    line = text.splitlines().index(f"{word} x") + 1
+    assert f"line {line}: '{word}' is not carried out" in refused(tmp_path, text)
+
+
+def test_a_statement_that_is_not_understood_is_named_by_its_line(tmp_path):
+    text = PLAIN + "mpc.branch(5, :) = [];\n"
+    assert f"line {len(text.splitlines())}: statement" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize("limit", ["0", "NaN", "Inf"])
+def test_a_rating_that_states_no_limit_is_none(tmp_path, limit):
+    text = PLAIN.replace("0.2511\t0\t6", f"0.2511\t0\t{limit}")
+    assert np.isinf(read(tmp_path, text).network.rating_mva).all()
+
+
+@pytest.mark.parametrize("power", ["9999999^9999999", "2^2^2^2^2^2", "10^400"])
+def test_a_power_too_large_to_compute_is_missed_only_where_it_is_used(tmp_path, power):
+    assert read(tmp_path, f"x = {power};\n" + PLAIN).load[0].p_mw == 100.0
+    text = PLAIN + f"x = {power};\nmpc.bus(:, 3) = mpc.bus(:, 3) * x;\n"
+    refused(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN.replace("'2'", "'1'"),
+        "function [baseMVA, bus, gen, branch] = three\nbaseMVA = 10;\nbus = [\n1 3 0 0;\n];\n",
+    ],
+)
+def test_a_file_of_version_1_is_called_that(tmp_path, text):
+    assert "version 1" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("mpc.baseMVA = 10", "mpc.baseMVA = -10", "mpc.baseMVA is -10"),
+        ("mpc.baseMVA = 10", "mpc.baseMVA = NaN", "mpc.baseMVA is nan"),
+        ("\t2\t30\t0.4930", "\t2\t31\t0.4930", "mpc.branch, row 2: T_BUS is 31"),
+        ("\t30\t0\t0\t10\t-10", "\t7\t0\t0\t10\t-10", "mpc.gen, row 2: GEN_BUS is 7"),
+        ("\t2\t1\t100\t60", "\t2\t1\tNaN\t60", "PD is nan at bus 2"),
+        ("\t2\t1\t100\t60", "\t1\t1\t100\t60", "bus 1 in 2 rows"),
+        ("\t2\t1\t100\t60", "\t2.5\t1\t100\t60", "bus 2.5"),
+        ("12.66\t1\t1.1\t0.9;", "12.66\t1\t1.1;", "row 2: 12 columns in place of 13"),
+        ("0.2511\t0\t6", "0.2511\t0\t-6", "2-30: -6"),
+        ("0.4930\t0.2511", "-0.4930\t0.2511", "2-30: -0.0493"),
+        ("0.4930\t0.2511", "0.4930\tNaN", "2-30: nan"),
+        ("\t1\t1.1\t0.9;", "\t1\t0.8\t0.9;", "2: 0.8"),
+        ("\t2\t30\t0.4930", "\t2\t2\t0.4930", "branch 2-2"),
+    ],
+)
+def test_what_is_not_sound_is_named(tmp_path, old, new, named):
+    assert old in PLAIN
+    assert named in refused(tmp_path, PLAIN.replace(old, new, 1))
+
+
+def test_all_mistakes_are_told_together(tmp_path):
+    text = PLAIN.replace("= 10;", "= -10;").replace("\t2\t30\t", "\t2\t31\t")
+    assert len(refused(tmp_path, text).splitlines()) == 2
+
+
+def test_a_dc_line_is_refused_unless_it_is_out_of_service(tmp_path):
+    dcline = "mpc.dcline = [\n\t1\t2\t{}\t0.3\t0.2\t0\t0\t1\t1\t0\t1\t0\t0\t0\t0\t0\t0;\n];\n"
+    assert "mpc.dcline, row 1" in refused(tmp_path, PLAIN + dcline.format(1))
+    assert len(read(tmp_path, PLAIN + dcline.format(0)).network.line_names) == 3
+
+
+def test_limits_and_costs_of_generators_come_over(tmp_path):
+    """Costs: 240 $/MWh and 30 $/h; points through (0.5, 60), (1.5, 200); 8 p^2 + 20 p + 5."""
+    gen = (
+        "\t1\t0\t0\t10\t-10\t1.02\t100\t1\t5\t-3;\n"
+        "\t30\t0\t0\t0.8\t-0.4\t1\t100\t1\t1.2\t0.3;\n"
+        "\t2\t0\t0\t0.7\t-0.2\t1\t100\t1\t1.5\t0.5;\n"
+        "\t2\t0\t0\t0.6\t-0.1\t1\t100\t0\t9\t0;\n"
+        "\t30\t0\t0\t0\t-0.15\t1\t100\t1\t0\t-0.5;\n"
+    )
+    cost = (
+        "mpc.gencost = [\n2 0 0 3 8 20 5 0;\n2 150 0 2 240 30 0 0;\n1 0 0 2 0.5 60 1.5 200;\n"
+        "2 0 0 2 1 0 0 0;\n2 0 0 2 75 0 0 0;\n];\n"
+    )
+    start = PLAIN.index("mpc.gen = [\n") + len("mpc.gen = [\n")
+    text = PLAIN[:start] + gen + PLAIN[PLAIN.index("];", start) :] + cost
+    feeder = read(tmp_path, text)
+    first, second = feeder.generator
+    assert (first.p_min_mw, first.p_mw, first.q_min_mvar, first.q_max_mvar) == (0.3, 1.2, -0.4, 0.8)
+    assert (first.cost.per_mwh, first.cost.per_h, first.cost.start) == (240.0, 30.0, 150.0)
+    assert (second.name, second.cost.per_mwh) == ("gen2", 140.0)
+    [grid] = feeder.grid
+    assert (grid.p_min_mw, grid.p_mw) == (-3.0, 5.0)
+    assert grid.cost.per_mwh == pytest.approx(20.0 + 8.0 * 5.0)
+    points = np.array(grid.cost.curve)
+    np.testing.assert_allclose(points[:, 1], 8 * points[:, 0] ** 2 + 20 * points[:, 0] + 5)
+    assert (points[0, 0], points[-1, 0]) == (0.0, 5.0)
+    [load] = feeder.flexible
+    assert (load.bus, load.p_mw, load.q_mvar, load.cost.per_mwh) == ("30", 0.5, 0.15, 75.0)
+
+
+def test_voltage_limits_are_those_of_every_bus(tmp_path):
+    text = PLAIN.replace("12.66\t1\t1.1\t0.9;", "12.66\t1\t1.05\t0.95;", 1)
+    network = read(tmp_path, text).network
+    assert network.v_min_pu.tolist() == [1.0, 0.95, 0.9]
+    assert network.v_max_pu.tolist() == [1.0, 1.05, 1.1]
+
+
+def test_a_table_that_is_not_read_is_named(tmp_path):
+    text = PLAIN + "mpc.reserves = [\n1 2 3;\n];\nmpc.areas = [];\n"
+    assert [str(x) for x in read(tmp_path, text).omissions][-1] == "1 table (mpc.reserves)"

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import datetime
+
 import pytest
 
 import resilience as rs
 from resilience.case.checks.remarks import remarks
 from resilience.case.document import Document
 from resilience.case.load import build_case
+from resilience.case.networks.omissions import Omission
 from resilience.testing import small_case
+
+GRID = {"import_max_mw": 2.0, "import_cost_per_mwh": 40.0}
 
 
 def test_a_forming_unit_without_reactive_power_is_named() -> None:
@@ -45,3 +51,30 @@ def test_energy_that_is_worth_nothing_is_named_unless_that_is_said() -> None:
 @pytest.mark.parametrize("name", ["ieee33", "ieee33-commitment", "large"])
 def test_installed_cases_are_as_they_are_meant(name: str) -> None:
     assert remarks(rs.load_case(name)) == []
+
+
+def test_a_sun_at_midnight_is_named_unless_it_is_day_or_has_to_be_taken() -> None:
+    plant = {"p_max_mw": 0.7, "curtailable": True}
+    night = small_case(slots=3, ess=[], pv=[plant, {**plant, "p_max_mw": 0.4}], grid=[GRID])
+    [words] = remarks(night)
+    assert words.startswith("2 plants without a profile: the sun shines at night as by day\nhint: ")
+    noon = datetime(2016, 7, 12, 11)
+    assert remarks(small_case(slots=3, start=noon, pv=[plant], grid=[GRID])) == []
+    assert remarks(small_case(pv=[{**plant, "curtailable": False}], grid=[GRID])) == []
+    sunny = {**plant, "profile": "sun"}
+    profiles = {"sun": [0.2, 0.3]}
+    assert remarks(small_case(pv=[sunny], profiles=profiles, grid=[GRID])) == []
+
+
+def test_what_of_the_network_is_not_modelled_is_named() -> None:
+    case = replace(small_case(grid=[GRID]), omissions=(Omission("tap", ("1-2", "2-3")),))
+    [words] = remarks(case)
+    assert words.startswith("not modelled: 2 taps (1-2, 2-3)\nhint: ")
+
+
+def test_a_hundred_units_are_counted_not_listed() -> None:
+    case = small_case(ess=[{"p_max_mw": 0.7, "e_mwh": 2.5 + k} for k in range(11)])
+    silent = {k: v for k, v in case.source.items() if k != "terminal_value_per_mwh"}
+    (words,) = remarks(build_case(Document(None, silent)))
+    assert words.startswith("[[ess]] ess1, ")
+    assert ", [[ess]] ess8, ... (11 in all): stored energy" in words
