@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from resilience.errors import (
         CaseError,
         CertificateError,
+        FileError,
         InfeasibleError,
         ResilienceError,
         SolverError,
@@ -66,6 +67,7 @@ __all__ = [
     "CertificateError",
     "Comparison",
     "Dispatcher",
+    "FileError",
     "ForecastError",
     "Hazard",
     "InfeasibleError",

@@ -4,6 +4,7 @@
 ResilienceError            catch this one to catch them all
 ├── CaseError              a case file with mistakes: all of them, as `mistakes`
 ├── UsageError             a call or command that cannot mean anything (unknown name, option)
+├── FileError              a file that the system will not write or read, and the remedy
 ├── InfeasibleError        no plan satisfies the case; the message names what conflicts
 └── SolverError            a solver failed, or returned no usable answer
     └── CertificateError   an answer contradicts itself: no cost, bound or row of it is shown
@@ -38,6 +39,10 @@ class ResilienceError(Exception):
 
 class UsageError(ResilienceError):
     """A call or a command that cannot mean anything."""
+
+
+class FileError(ResilienceError):
+    """A file that the system will not write or read: no permission, a full disk, a long name."""
 
 
 class InfeasibleError(ResilienceError):

@@ -10,7 +10,32 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 
 log = logging.getLogger("resilience")
+NOTICE = 25
+"""Level of what is said in any case: between INFO and WARNING."""
 _seconds: ContextVar[dict[str, float] | None] = ContextVar("seconds", default=None)
+
+
+def notice(text: str) -> None:
+    """Says what a user must know, however short the work is."""
+    log.log(NOTICE, text)
+
+
+@contextmanager
+def interruptible(note: Callable[[], str]) -> Iterator[None]:
+    """On Ctrl-C within the block, says what is there and how to go on.
+
+    Args:
+        note: makes the text; what a block within has said counts before it.
+
+    Raises:
+        KeyboardInterrupt: with the text as its message.
+    """
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        if stop.args:
+            raise
+        raise KeyboardInterrupt(note()) from None
 
 
 @contextmanager

@@ -6,12 +6,15 @@ given: 1 for mistakes in a case or a call, 2 for a command line that cannot be r
 
 from __future__ import annotations
 
+import io
 import json
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+import typer.core
 
 from resilience.cli import options, terminal
 from resilience.cli.case import case_app
@@ -23,8 +26,23 @@ if TYPE_CHECKING:
     from resilience.planning.plan import Plan
     from resilience.planning.scenario_plan import ScenarioPlan
 
+
+class Commands(typer.core.TyperGroup):
+    """The commands; one that is interrupted says what is there and how to go on."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs a command; on Ctrl-C the exit code is 130."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            note = str(stop) or "nothing was written"
+            print(f"interrupted: {note}", file=sys.stderr, flush=True)
+            raise typer.Exit(130) from None
+
+
 app = typer.Typer(
     name="resilience",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -55,9 +73,15 @@ def solve(
     """Find the best plan for a case, with a proven bound and an audit."""
     import resilience as rs
     from resilience.files import check_picture
+    from resilience.planning.solve import check_export, export_model, result_kind
+    from resilience.results import check_replaceable
 
     if plot is not None:
         check_picture(plot)
+    if export is not None:
+        check_export(export)
+    if out is not None:
+        check_replaceable(out, result_kind(method))
     with terminal.progress(verbose):
         plan = rs.solve(  # type: ignore[misc]  # more unions than overloads are tried for
             case,
@@ -72,21 +96,22 @@ def solve(
             common_slots=common_slots,
             algorithm=algorithm,
         )
-        if export is not None:
-            from resilience.planning.solve import export_model
-
-            export_model(plan, export)
-    if out is not None:
-        plan.save(out)
-    if plot is not None:
-        from resilience.plots.saved import draw_plan
-
-        draw_plan(plan, plot)
     if as_json:
         typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
-        return
-    _print(plan)
-    terminal.print_written(("tables", out), ("picture", plot), ("model", export))
+    else:
+        _print(plan)
+    terminal.write(
+        terminal.Output("tables", out, plan.save),
+        terminal.Output("picture", plot, partial(_draw, plan)),
+        terminal.Output("model", export, partial(export_model, plan)),
+        quiet=as_json,
+    )
+
+
+def _draw(plan: Plan | ScenarioPlan, path: Path) -> None:
+    from resilience.plots.saved import draw_plan
+
+    draw_plan(plan, path)
 
 
 def _print(plan: Plan | ScenarioPlan) -> None:
@@ -126,6 +151,7 @@ def compare(
     """Judge dispatchers on the same storms, against the clairvoyant optimum."""
     import resilience as rs
     from resilience.files import check_picture
+    from resilience.text.comparison import print_report
 
     if plot is not None:
         check_picture(plot)
@@ -147,20 +173,21 @@ def compare(
             engine=engine,  # type: ignore[arg-type]
             ac=ac,
             out=out,
+            save=False,
         )
-    if plot is not None:
-        rs.plot_report(report, plot)
     if as_json:
         for line in report.warnings:
             print(f"warning: {line}", file=sys.stderr)
         typer.echo(json.dumps(report.summary(), indent=2, allow_nan=False))
-        return
-    from rich.console import Console
+    else:
+        from rich.console import Console
 
-    from resilience.text.comparison import print_report
-
-    print_report(report, Console())
-    terminal.print_written(("report", out), ("picture", plot))
+        print_report(report, Console())
+    terminal.write(
+        terminal.Output("report", out, report.save),
+        terminal.Output("picture", plot, partial(rs.plot_report, report)),
+        quiet=as_json,
+    )
 
 
 @app.command()
@@ -206,14 +233,25 @@ def _main(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Runs the command line; errors of the package are printed, not raised."""
+    """Runs the command line; errors of the package and of the system are printed, not raised."""
     from resilience.errors import ResilienceError
+    from resilience.files import file_error
 
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a pipe may know fewer letters than a case has
+        sys.stdout.reconfigure(errors="replace")
     try:
-        app(args=arguments)
+        try:
+            app(args=arguments)
+        finally:
+            sys.stdout.flush()
     except ResilienceError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
-    except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)
-        sys.exit(130)
+        _fail(str(error))
+    except OSError as error:
+        _fail(str(file_error(f"cannot use {error.filename or 'a file'}", error)))
+    except MemoryError:
+        _fail("the memory is full\nhint: a shorter horizon, fewer scenarios or fewer workers")
+
+
+def _fail(text: str) -> NoReturn:
+    print(f"error: {text}", file=sys.stderr)
+    sys.exit(1)

@@ -30,10 +30,12 @@ def new(
     from resilience.case.networks.omissions import omission_text
     from resilience.case.starter import starter
     from resilience.errors import UsageError
-    from resilience.files import replacing_file
+    from resilience.files import check_file, replacing_file
 
-    if out is not None and out.exists():
-        raise UsageError(f"{out} exists", hint="name a new file")
+    if out is not None:
+        check_file(out)
+        if out.exists():
+            raise UsageError(f"{out} exists", hint="name a new file")
     case = starter(network, None if out is None else out.parent)
     if case.omissions:
         typer.echo(f"not modelled: {omission_text(case.omissions)}", err=True)

@@ -36,25 +36,31 @@ def reproduce(
     verbose: options.Verbose = False,
 ) -> None:
     """Run the source paper's experiments and print them beside its figures; once run, only read."""
-    from resilience.rl.reproduce.run import SUMMARY_FILE, TABLE_FILE
+    from resilience.plots.reproduction import plot_reproduction
+    from resilience.results import SUMMARY_FILE
+    from resilience.rl.reproduce.run import TABLE_FILE
     from resilience.rl.reproduce.run import reproduce as run_experiments
 
     with terminal.progress(verbose):
-        result = run_experiments(case, quick=quick, profiles=profiles or (), area=area, out=out)
-        from resilience.plots.reproduction import plot_reproduction
-
-        pictures = plot_reproduction(result)
+        result = run_experiments(
+            case, quick=quick, profiles=profiles or (), area=area, out=out, save=False
+        )
     if as_json:
         typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
-        return
-    from rich.console import Console
+    else:
+        from rich.console import Console
 
-    from resilience.text.reproduction import print_reproduction
+        from resilience.text.reproduction import print_reproduction
 
-    print_reproduction(result, Console())
-    typer.echo("")
-    terminal.print_written(
-        *(("picture", picture) for picture in pictures),
-        ("table", out / TABLE_FILE),
-        ("all figures", out / SUMMARY_FILE),
-    )
+        print_reproduction(result, Console())
+        typer.echo("")
+
+    def write_all(_: Path) -> None:
+        files = [("table", out / TABLE_FILE), ("all figures", out / SUMMARY_FILE)]
+        result.save()
+        for picture in plot_reproduction(result):
+            files.insert(-2, ("picture", picture))
+        if not as_json:
+            terminal.print_written(*files)
+
+    terminal.write(terminal.Output("", out, write_all), quiet=True)

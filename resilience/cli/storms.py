@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -46,11 +46,13 @@ def scenarios(
     """Draw storms: which line is down when. What is not given here is the case's own."""
     import resilience as rs
     from resilience import fragility
+    from resilience.files import check_file
     from resilience.fragility.draw import draw
     from resilience.fragility.outages.scenarios import check_suffix
 
     if out is not None:
         check_suffix(out)
+        check_file(out)
     loaded = rs.load_case(case)
     bell: BellSettings = {
         "probability": probability,
@@ -74,12 +76,11 @@ def scenarios(
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
         drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
-    if out is not None:
-        drawn.save(out)
-    _print_scenarios(drawn, loaded, out, as_json)
+    _print_scenarios(drawn, loaded, as_json)
+    terminal.write(terminal.Output("scenarios", out, drawn.save), quiet=as_json)
 
 
-def _print_scenarios(drawn: Scenarios, case: Case, out: Path | None, as_json: bool) -> None:
+def _print_scenarios(drawn: Scenarios, case: Case, as_json: bool) -> None:
     from rich.console import Console
 
     from resilience import fragility
@@ -88,9 +89,7 @@ def _print_scenarios(drawn: Scenarios, case: Case, out: Path | None, as_json: bo
     if as_json:
         typer.echo(json.dumps(fragility.summary(drawn, case), indent=2, allow_nan=False))
         return
-
     print_scenarios(drawn, case, Console())
-    terminal.print_written(("scenarios", out))
 
 
 def hazard(
@@ -108,22 +107,25 @@ def hazard(
     """From a typhoon's track to the lines that fail: probabilities, islands, a map."""
     import resilience as rs
     from resilience.files import check_picture
+    from resilience.results import HAZARD, check_replaceable
 
     if plot is not None:
         check_picture(plot)
+    if out is not None:
+        check_replaceable(out, HAZARD)
     result = rs.hazard(
         case, track, storm=storm, averaging_s=averaging_s, agency=agency, n=n, seed=seed
     )
-    if out is not None:
-        result.save(out)
-    if plot is not None:
-        rs.plot_hazard(result, plot)
     if as_json:
         typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
-        return
-    from rich.console import Console
+    else:
+        from rich.console import Console
 
-    from resilience.text.hazard import print_hazard
+        from resilience.text.hazard import print_hazard
 
-    print_hazard(result, Console())
-    terminal.print_written(("tables", out), ("picture", plot))
+        print_hazard(result, Console())
+    terminal.write(
+        terminal.Output("tables", out, result.save),
+        terminal.Output("picture", plot, partial(rs.plot_hazard, result)),
+        quiet=as_json,
+    )

@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from resilience.progress import Meter, watching
+from resilience.errors import ResilienceError
+from resilience.progress import Meter, interruptible, watching
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,9 +36,13 @@ class Ticker(logging.Handler):
         self.task = None if live is None else (live, live.add_task("starting", total=None))
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Shows one message; lines only once the work has lasted `quiet_s` seconds."""
+        """Shows one message, a notice in any case; others, as lines, only once the work has
+        lasted `quiet_s` seconds.
+        """
         seconds = time.perf_counter() - self.began
-        if self.task is not None:
+        if record.levelno > logging.INFO:
+            print(record.getMessage(), file=sys.stderr, flush=True)
+        elif self.task is not None:
             live, task = self.task
             live.update(task, description=record.getMessage())
         elif seconds >= self.quiet_s:
@@ -96,8 +102,53 @@ def progress_display(console: Console) -> Progress:
     )
 
 
+@dataclass(frozen=True)
+class Output:
+    """A file or folder that a user asks for beside what is printed.
+
+    Attributes:
+        title: what it is called where it is announced.
+        path: where; None: it is not asked for.
+        write: writes it there.
+    """
+
+    title: str
+    path: Path | None
+    write: Callable[[Path], object]
+
+
+def write(*outputs: Output, quiet: bool = False) -> None:
+    """Writes what is asked for, after the answer was printed, and announces each on stdout.
+
+    Args:
+        outputs: those without a path are left out.
+        quiet: nothing is announced, since stdout is one JSON object.
+
+    Raises:
+        ResilienceError: of the first that could not be written; the others are all the same.
+    """
+    sys.stdout.flush()
+    errors = list[ResilienceError]()
+    for output in outputs:
+        if output.path is None:
+            continue
+        note = f"{output.path} is not written to the end; the same command writes it"
+        try:
+            with interruptible(lambda note=note: note):  # type: ignore[misc]
+                output.write(output.path)
+        except ResilienceError as error:
+            errors.append(error)
+        else:
+            if not quiet:
+                print_written((output.title, output.path))
+    for further in errors[1:]:
+        print(f"error: {further}", file=sys.stderr)
+    if errors:
+        raise errors[0]
+
+
 def print_written(*files: tuple[str, Path | None]) -> None:
     """Prints what was written where, a line each; files that were not wanted are left out."""
     for title, path in files:
         if path is not None:
-            print(f"{title}: {path}")
+            print(f"{title}: {path}", flush=True)

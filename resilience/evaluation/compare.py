@@ -21,14 +21,14 @@ from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import measure
 from resilience.evaluation.report import Report
-from resilience.evaluation.runs import proven_bound, run_all
-from resilience.evaluation.saving import check_folder
+from resilience.evaluation.runs import proven_bound, run_all, what_is_there
 from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
-from resilience.progress import phase
+from resilience.progress import interruptible, phase
+from resilience.results import COMPARISON, check_replaceable
 from resilience.simulation.forecast import (
     MEASURED_CORRELATION,
     MEASURED_SIGMA,
@@ -65,6 +65,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     engine: Engine = "local",
     ac: bool = False,
     out: str | Path | None = None,
+    save: bool = True,
 ) -> Report:
     """Runs dispatchers over the test days, every one of them on the same outage draws.
 
@@ -88,12 +89,17 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         ac: certifies all trajectories by AC power flow.
         out: folder for the report; every finished part is written to it at once, and a call that
             was interrupted goes on from there.
+        save: whether the report is written there, too, once it is complete.
 
     Raises:
         CaseError: the case has mistakes; all of them are listed.
         UsageError: an unknown method, engine or forecast error; more days than the profiles keep
-            for tests; scenarios of another horizon; physics that nothing simulates.
+            for tests; scenarios of another horizon; physics that nothing simulates; a folder that
+            holds something else.
+        FileError: a folder that cannot be written to.
     """
+    if out is not None:
+        check_replaceable(Path(out), COMPARISON)
     makers, error = _makers(methods), parse_error(forecast_error)
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
@@ -106,7 +112,14 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         reset_daily=reset_daily,
     )
     return evaluate(
-        world, makers, workers=workers, engine=engine, ac=ac, out=out, forecast_error=_text(error)
+        world,
+        makers,
+        workers=workers,
+        engine=engine,
+        ac=ac,
+        out=out,
+        save=save,
+        forecast_error=_text(error),
     )
 
 
@@ -125,6 +138,7 @@ def evaluate(
     engine: Engine = "local",
     ac: bool = False,
     out: str | Path | None = None,
+    save: bool = True,
     forecast_error: str | None = None,
 ) -> Report:
     """Judges dispatchers in a world of one's own; `compare` makes the usual one.
@@ -136,24 +150,37 @@ def evaluate(
         engine: local, dask or ray.
         ac: certifies all trajectories by AC power flow.
         out: folder for the report and for what is needed to go on after an interruption.
+        save: whether the report is written there, too, once it is complete.
         forecast_error: how the report calls the errors of `world.outlook`.
 
     Raises:
         UsageError: an unknown method or engine, or a folder that holds something else.
+        FileError: a folder that cannot be written to.
     """
     makers: dict[str, Factory] = _makers(methods)
     makers[REFERENCE] = DISPATCHERS[REFERENCE]
     check_engine(engine, workers)
     store = None
     if out is not None:
-        check_folder(Path(out))
+        check_replaceable(Path(out), COMPARISON)
         store = Store(Path(out))
-    by_name = run_all(world, makers, workers=workers, engine=engine, store=store)
-    trajectories = {name: by_name[name] for name in (*makers, BOUND)}
+    with interruptible(lambda: what_is_there("all", store)):
+        by_name = run_all(world, makers, workers=workers, engine=engine, store=store)
+        trajectories = {name: by_name[name] for name in (*makers, BOUND)}
+        report = _report(world, trajectories, ac, forecast_error)
+        if out is not None and save:
+            with phase("writing"):
+                report.save(out)
+    return report
+
+
+def _report(
+    world: World, trajectories: Mapping[str, Trajectory], ac: bool, forecast_error: str | None
+) -> Report:
     demand_mw = demand(world)
     if forecast_error is None:
         forecast_error = "none" if world.outlook is None else "given"
-    report = Report(
+    return Report(
         world=world,
         trajectories=trajectories,
         measures={
@@ -163,10 +190,6 @@ def evaluate(
         certificates=_ac_checks(world, trajectories) if ac else None,
         forecast_error=forecast_error,
     )
-    if out is not None:
-        with phase("writing"):
-            report.save(out)
-    return report
 
 
 def _ac_checks(

@@ -17,6 +17,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.gate import of_file
+from resilience.results import steady
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectories
@@ -128,12 +129,17 @@ def load_comparison(folder: str | Path) -> Comparison:
             trajectories.
         CertificateError: its costs, bound and trajectories contradict each other.
     """
+    root = Path(folder)
+    with steady(root):
+        return _load_comparison(root)
+
+
+def _load_comparison(root: Path) -> Comparison:
     import pandas as pd
 
     from resilience.case import load_case
     from resilience.fragility.outages.files import load_scenarios
 
-    root = Path(folder)
     if not is_comparison(root):
         raise UsageError(
             f"{root} holds no comparison: there is no episodes.parquet in it",

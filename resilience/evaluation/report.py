@@ -136,6 +136,7 @@ class Report(Judged):
 
         Raises:
             UsageError: the folder holds something that is no earlier report.
+            FileError: the system refuses, as where a disk is full.
         """
         return save_report(self, self.frame(), self.summary(), Path(folder))
 

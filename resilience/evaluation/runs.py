@@ -23,7 +23,7 @@ from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, spread
 from resilience.evaluation.store import Store
 from resilience.models.simulator import NetworkSimulator
-from resilience.progress import Meter, meter
+from resilience.progress import Meter, interruptible, meter, notice
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory, joined
 from resilience.simulation.world import World
@@ -91,12 +91,16 @@ def run_all(
     ]
     done: dict[int, Trajectory] = {}
     total = world.microgrid.case.slots * world.scenarios.n * (len(methods) + 1)
-    with meter("dispatch", total) as progress:
+    with (
+        interruptible(lambda: what_is_there(f"{len(done)} of {len(parts)}", store)),
+        meter("dispatch", total) as progress,
+    ):
         for k, piece in enumerate(parts):
             stored = store.get(piece.name, piece.world, piece.make) if store else None
             if stored is not None:
                 done[k] = stored
                 progress.advance(stored.cost.size)
+        _say_what_was_found(len(done), len(parts), store)
         todo = [k for k in range(len(parts)) if k not in done]
         for k, trajectory in _run([parts[k] for k in todo], workers, engine, progress):
             piece = parts[todo[k]]
@@ -107,6 +111,29 @@ def run_all(
     for k, piece in enumerate(parts):
         by_name.setdefault(piece.name, []).append(done[k])
     return {name: joined(trajectories) for name, trajectories in by_name.items()}
+
+
+def what_is_there(finished: str, store: Store | None) -> str:
+    """What an interrupted comparison leaves, and how to go on.
+
+    Args:
+        finished: how many parts, in words.
+        store: where they are; None: nowhere.
+    """
+    if store is None:
+        return "nothing was written; with --out FOLDER, finished parts stay and are not done again"
+    return f"{finished} parts are in {store.report_folder}; the same command goes on"
+
+
+def _say_what_was_found(done: int, total: int, store: Store | None) -> None:
+    if store is None:
+        return
+    if done:
+        notice(f"{done} of {total} parts found in {store.report_folder}")
+    if store.damaged == 1:
+        notice("1 part there is damaged or was changed, and is made anew")
+    elif store.damaged:
+        notice(f"{store.damaged} parts there are damaged or were changed, and are made anew")
 
 
 def proven_bound(trajectory: Trajectory) -> Floats:

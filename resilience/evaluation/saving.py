@@ -1,6 +1,6 @@
 """A comparison as files, in a folder that appears whole or not at all.
 
-summary.json          what `--json` prints
+summary.json          what `--json` prints, and `kind`
 report.parquet, .csv  a row per method, see `columns.COLUMNS`
 differences.parquet   a row per two methods
 episodes.parquet      $ of every episode: a column per method, and the bound
@@ -14,7 +14,6 @@ parts/                finished parts, if the comparison was made with `out`
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,24 +23,11 @@ import numpy as np
 from resilience.case import case_text
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
-from resilience.evaluation.store import PARTS_FOLDER
-from resilience.files import check_replaceable, replacing
+from resilience.results import COMPARISON, replacing, write_summary
 from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-SUMMARY_FILE = "summary.json"
-
-
-def check_folder(folder: Path) -> None:
-    """Refuses a folder that holds something else, before hours are spent.
-
-    Raises:
-        UsageError: it holds neither an earlier report nor parts of one.
-    """
-    check_replaceable(folder, SUMMARY_FILE, PARTS_FOLDER)
 
 
 def save_report(
@@ -57,7 +43,7 @@ def save_report(
     """
     import pandas as pd
 
-    with replacing(folder, SUMMARY_FILE, keep=PARTS_FOLDER) as target:
+    with replacing(folder, COMPARISON) as target:
         frame.to_parquet(target / "report.parquet")
         frame.to_csv(target / "report.csv")
         judged.differences().to_parquet(target / "differences.parquet")
@@ -73,8 +59,7 @@ def save_report(
         save_trajectories(judged.trajectories, target)
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")
-        text = json.dumps(summary, indent=2, allow_nan=False)
-        (target / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
+        write_summary(target, COMPARISON, summary)
     return folder
 
 

@@ -2,7 +2,8 @@
 
 A part is called after a digest of all that it depends on: the case, its storms and forecast errors,
 the settings of the world, the method, and the code. Whatever is different has another name, so a
-folder may be used for any comparison, and one with a further method does the rest only.
+folder may be used for any comparison, and one with a further method does the rest only. A part that
+is damaged, was changed, or stands under the name of another counts as missing.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from resilience.errors import CertificateError, UsageError
 from resilience.evaluation.comparison import check_bound
 from resilience.models.case_program import case_cost_scale
 from resilience.models.program.gate import HINT, of_file
+from resilience.results import PARTS_FOLDER
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
@@ -26,7 +28,6 @@ from resilience.simulation.trajectory_file import load_trajectory, save_trajecto
 if TYPE_CHECKING:
     from resilience.simulation.world import World
 
-PARTS_FOLDER = "parts"
 WITHOUT_EFFECT = {
     "description", "path", "source", "rebuild", "simulator", "probability", "seed", "process",
 }  # fmt: skip
@@ -38,10 +39,14 @@ class Store:
 
     Args:
         folder: that of the report; parts are kept in a folder of their own within.
+
+    Attributes:
+        damaged: how many parts could not be read.
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder / PARTS_FOLDER
+        self.report_folder, self.folder = folder, folder / PARTS_FOLDER
+        self.damaged = 0
 
     def get(self, name: str, world: World, make: Factory | None) -> Trajectory | None:
         """A part that was kept; None where there is none, or one that cannot be read.
@@ -53,8 +58,9 @@ class Store:
         if not path.is_file():
             return None
         try:
-            trajectory = load_trajectory(path)
+            trajectory = load_trajectory(path, key=path.stem)
         except UsageError:
+            self.damaged += 1
             return None
         with of_file(path):
             check_trajectory(world, trajectory)
@@ -64,7 +70,8 @@ class Store:
 
     def put(self, trajectory: Trajectory, world: World, make: Factory | None) -> None:
         """Keeps a part: its file appears whole or not at all."""
-        save_trajectory(trajectory, self.part_file(trajectory.name, world, make))
+        path = self.part_file(trajectory.name, world, make)
+        save_trajectory(trajectory, path, key=path.stem)
 
     def part_file(self, name: str, world: World, make: Factory | None) -> Path:
         """The file of a part, called after all that its numbers depend on."""

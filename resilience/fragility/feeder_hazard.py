@@ -2,7 +2,7 @@
 
 A saved one is a folder that appears whole or not at all:
 
-    hazard.json      what `--json` prints
+    hazard.json      what `--json` prints, and `kind`
     hazard.csv       probability that a line which stood fails in a slot, a column per line
     failed_by.csv    probability that it has failed by the end of a slot, none mended
     wind.csv         strongest wind along each line, m/s, as its curves want it
@@ -14,7 +14,6 @@ A saved one is a folder that appears whole or not at all:
 from __future__ import annotations
 
 import csv
-import json
 from dataclasses import asdict, dataclass
 from datetime import datetime, timedelta
 from functools import cached_property
@@ -27,15 +26,13 @@ from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.schema import LoadTable
 from resilience.earth.sphere import seen_from
-from resilience.files import replacing
 from resilience.fragility import chain
 from resilience.fragility.assumptions import assumptions
 from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
-
-MARK = "hazard.json"
+from resilience.results import HAZARD, replacing, write_summary
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,10 +168,10 @@ class Hazard:
 
         Raises:
             UsageError: the folder holds something else.
+            FileError: the system refuses, as where a disk is full.
         """
-        with replacing(Path(folder), MARK) as target:
-            text = json.dumps(self.summary(), indent=2, allow_nan=False)
-            (target / MARK).write_text(text + "\n", encoding="utf-8")
+        with replacing(Path(folder), HAZARD) as target:
+            write_summary(target, HAZARD, self.summary())
             here = self.storm
             series = {
                 "hazard": here.hazard,

@@ -2,7 +2,7 @@
 
 A saved plan is a folder that appears whole or not at all:
 
-    summary.json   status, costs, bound, audit, ...: what `--json` prints
+    summary.json   status, costs, bound, audit, ...: what `--json` prints, and `kind`
     case.toml      the case as solved; loads back
     NAME.parquet, NAME.csv   one table per quantity, a row per slot, a column per device or bus
 """
@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from resilience.errors import UsageError
-from resilience.files import reading, replacing
+from resilience.files import reading
 from resilience.models.program.gate import check_costs, check_energy, of_file
 from resilience.planning.records import (
-    SUMMARY_FILE,
     Certificate,
     CertifiedPlan,
     Costs,
@@ -29,6 +28,7 @@ from resilience.planning.records import (
     write_plan,
 )
 from resilience.planning.tables import balance, table_units
+from resilience.results import PLAN, SUMMARY_FILE, replacing, steady
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -132,14 +132,15 @@ class Plan(CertifiedPlan):
         return self.horizon.frame(self.tables[name])
 
     def save(self, folder: str | Path) -> Path:
-        """Writes the plan; an earlier result in the folder is replaced, anything else is refused.
+        """Writes the plan; an earlier plan in the folder is replaced, anything else is refused.
 
         Raises:
-            UsageError: the folder holds something that is no earlier result.
+            UsageError: the folder holds something that is no earlier plan.
+            FileError: the system refuses, as where a disk is full.
         """
-        with replacing(Path(folder), SUMMARY_FILE) as target:
+        with replacing(Path(folder), PLAN) as target:
             frames = {name: self.frame(name) for name in self.tables}
-            write_plan(target, self.summary(), self.case, frames)
+            write_plan(target, PLAN, self.summary(), self.case, frames)
         return Path(folder)
 
 
@@ -151,6 +152,11 @@ def load_plan(folder: str | Path) -> Plan:
         CertificateError: its numbers contradict each other or its tables.
     """
     root = Path(folder)
+    with steady(root):
+        return _load_plan(root)
+
+
+def _load_plan(root: Path) -> Plan:
     if not (root / SUMMARY_FILE).is_file():
         raise UsageError(
             f"{root} holds no result: there is no {SUMMARY_FILE} in it",
@@ -158,7 +164,8 @@ def load_plan(folder: str | Path) -> Plan:
         )
     with reading(root / SUMMARY_FILE, "summary of a plan"):
         summary = dict(json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8")))
-    if summary.keys() != set(Plan.summary_keys):
+    stated = summary.pop("kind", PLAN.name)  # earlier versions did not say it
+    if stated != PLAN.name or summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",
             hint="load_scenario_plan reads plans over scenarios",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -15,15 +14,13 @@ from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
 from resilience.planning.tables import SlotTable
+from resilience.results import ResultKind, write_summary
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from resilience.case import Case
     from resilience.models.backends.base import Status
-
-SUMMARY_FILE = "summary.json"
-"""The file that a folder with a result is known by."""
 
 
 @dataclass(frozen=True)
@@ -295,18 +292,22 @@ def read_record(record: type[Record], summary: Mapping[str, Any]) -> Record:
 
 
 def write_plan(
-    target: Path, summary: Mapping[str, Any], case: Case | None, frames: Mapping[str, pd.DataFrame]
+    target: Path,
+    kind: ResultKind,
+    summary: Mapping[str, Any],
+    case: Case | None,
+    frames: Mapping[str, pd.DataFrame],
 ) -> None:
     """Writes what every plan's folder holds.
 
     Args:
         target: the folder.
+        kind: of the plan.
         summary: what stands in `summary.json`.
         case: the case as solved, if it is known.
         frames: tables by name, written as .parquet and .csv.
     """
-    text = json.dumps(summary, indent=2, allow_nan=False)
-    (target / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
+    write_summary(target, kind, summary)
     if case is not None:
         from resilience.case import case_text
 

@@ -2,7 +2,7 @@
 
 A saved one is a folder that appears whole or not at all:
 
-    summary.json      costs, bound, values, audit, ...: what `--json` prints
+    summary.json      costs, bound, values, audit, ...: what `--json` prints, and `kind`
     case.toml         the case as solved; loads back
     outages.npz       the scenarios
     NAME.parquet/csv  the schedule of the common slots, one table per quantity
@@ -25,12 +25,11 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.errors import CertificateError, UsageError
-from resilience.files import reading, replacing
+from resilience.files import reading
 from resilience.models.program import gate
 from resilience.models.program.gate import of_file
 from resilience.models.program.risk import Risk
 from resilience.planning.records import (
-    SUMMARY_FILE,
     Certificate,
     CertifiedPlan,
     Costs,
@@ -42,6 +41,7 @@ from resilience.planning.records import (
     write_plan,
 )
 from resilience.planning.tables import SlotTable, table_units
+from resilience.results import SCENARIO_PLAN, SUMMARY_FILE, replacing, steady
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -278,15 +278,16 @@ class ScenarioPlan(CertifiedPlan):
         return pd.DataFrame(flat, index=index, columns=list(labels))
 
     def save(self, folder: str | Path) -> Path:
-        """Writes the plan; an earlier result in the folder is replaced, anything else is refused.
+        """Writes the plan; an earlier one over scenarios is replaced, anything else is refused.
 
         Raises:
-            UsageError: the folder holds something that is no earlier result.
+            UsageError: the folder holds something that is no earlier plan over scenarios.
+            FileError: the system refuses, as where a disk is full.
         """
         names = (*self.tables, *(f"band_{k}" for k in self.bands), "scenarios")
-        with replacing(Path(folder), SUMMARY_FILE) as target:
+        with replacing(Path(folder), SCENARIO_PLAN) as target:
             frames = {name: self.frame(name) for name in names}
-            write_plan(target, self.summary(), self.case, frames)
+            write_plan(target, SCENARIO_PLAN, self.summary(), self.case, frames)
             if self.outages is not None:
                 self.outages.save(target / SCENARIOS_FILE)
             self.frame("recourse").to_parquet(target / "recourse.parquet")
@@ -309,10 +310,15 @@ def load_scenario_plan(folder: str | Path) -> ScenarioPlan:
         UsageError: the folder holds no such plan, or a damaged one.
         CertificateError: its numbers contradict each other or its tables.
     """
+    root = Path(folder)
+    with steady(root):
+        return _load_scenario_plan(root)
+
+
+def _load_scenario_plan(root: Path) -> ScenarioPlan:
     from resilience.case import load_case
     from resilience.fragility.outages.files import load_scenarios
 
-    root = Path(folder)
     if not holds_scenario_plan(root):
         raise UsageError(
             f"{root} holds no plan over scenarios",

@@ -12,7 +12,7 @@ from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.outages import outage_texts
 from resilience.errors import UsageError
-from resilience.files import replacing_file
+from resilience.files import check_file, replacing_file
 from resilience.fragility.draw import outages_from
 from resilience.models.case_program import CaseProgram, horizon, terminal_credit
 from resilience.models.methods import METHODS, MethodOptions, MethodResult
@@ -34,6 +34,7 @@ from resilience.planning.records import Certificate, Costs, Horizon
 from resilience.planning.scenario_options import ScenarioOptions
 from resilience.planning.tables import SlotTable, balance, tabulate, trip_notes
 from resilience.progress import phase, stopwatch
+from resilience.results import PLAN, SCENARIO_PLAN, ResultKind
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
 
 if TYPE_CHECKING:
@@ -177,6 +178,24 @@ def plan_known_outages(
         shed_by_load=point.shed_by_load,
         outages=outage_texts(case.outages, case.window),
     )
+
+
+def result_kind(method: str) -> ResultKind:
+    """What kind of result a method gives."""
+    return PLAN if method in METHODS else SCENARIO_PLAN
+
+
+def check_export(path: Path) -> None:
+    """Refuses a file for the model before anything is solved.
+
+    Raises:
+        UsageError: another suffix than of LP, MPS or NL, or a folder.
+        FileError: it could not be written.
+    """
+    from resilience.models.backends.pyomo import check_format
+
+    check_format(path)
+    check_file(path)
 
 
 def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:

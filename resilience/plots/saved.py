@@ -12,6 +12,7 @@ from resilience.plots.plan import plot_plan
 from resilience.plots.report import plot_report
 from resilience.plots.scenario_plan import plot_scenario_plan
 from resilience.plots.storm import plot_storm
+from resilience.results import settle
 from resilience.rl.training.curves import run_folders
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def draw_run(
 
     Raises:
         UsageError: the folder holds nothing that can be drawn, or not what is asked for.
+        FileError: the picture cannot be written.
     """
     from resilience.evaluation.comparison import is_comparison, load_comparison
     from resilience.evaluation.verdict import ranked
@@ -49,6 +51,7 @@ def draw_run(
 
     if out is not None:
         check_picture(out)
+    settle(run)
     if run_folders(run):
         _refuse(run, method=method, episode=episode, day=day)
         target = out or run / "learning.png"

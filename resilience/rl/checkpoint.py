@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -63,8 +62,12 @@ def case_digest(case: Case) -> str:
 
 
 def save(path: Path, tensors: Mapping[str, torch.Tensor], header: Header) -> None:
-    """Writes a file; the one that stood there is replaced in one step."""
-    from safetensors.torch import save_file
+    """Writes a file; the one that stood there is replaced in one step.
+
+    Raises:
+        FileError: the system refuses.
+    """
+    from safetensors.torch import save as serialised
 
     # Copies, since tensors that share memory cannot be written.
     plain = {n: value.detach().cpu().clone().contiguous() for n, value in tensors.items()}
@@ -72,9 +75,7 @@ def save(path: Path, tensors: Mapping[str, torch.Tensor], header: Header) -> Non
     with replacing_file(path) as fresh:
         # One entry, since several would be written in any order.
         facts = {"header": text, "sha256": _digest(text, plain)}
-        save_file(plain, fresh, {"resilience": json.dumps(facts)})
-        with fresh.open("rb+") as written:
-            os.fsync(written.fileno())
+        fresh.write_bytes(serialised(plain, {"resilience": json.dumps(facts)}))
 
 
 def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:

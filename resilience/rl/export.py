@@ -21,7 +21,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
 from resilience.extras import need
-from resilience.files import replacing_file
+from resilience.files import check_file, replacing_file
 from resilience.rl.checkpoint import Header, load
 from resilience.rl.networks.acting import layers, load_outputs
 from resilience.rl.networks.nets import Actor, network
@@ -51,6 +51,7 @@ def export_policy(run: str | Path, to: str | Path) -> float:
             f"cannot export to {to.name!r}; allowed suffixes: {', '.join(FORMATS)}",
             hint=f"{to.stem}.npz, say",
         )
+    check_file(to)
     write, read = FORMATS[to.suffix]
     weights, header = load(Path(run) / POLICY_FILE)
     inputs, units = header.notes["inputs"], header.notes["units"]

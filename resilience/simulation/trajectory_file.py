@@ -1,4 +1,8 @@
-"""Trajectories as files: one .npz per dispatcher, an array per field of `Trajectory`."""
+"""Trajectories as files: one .npz per dispatcher, an array per field of `Trajectory`.
+
+An array more, `sha256`, holds a digest of all the others, so that what was changed since is told
+from what was written.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from resilience.digest import digest_of
 from resilience.errors import UsageError
 from resilience.files import reading, replacing_file
 from resilience.simulation.trajectory import Trajectory
@@ -17,11 +22,20 @@ FOLDER = "trajectories"
 """Where a saved comparison keeps them, `METHOD.npz` each."""
 
 
-def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
+DIGEST = "sha256"
+
+
+def save_trajectory(trajectory: Trajectory, path: str | Path, key: str = "") -> None:
     """Writes a .npz file, whole or not at all; a field that is None is left out.
+
+    Args:
+        trajectory: what is written.
+        path: of the file.
+        key: what the file belongs to; it is read back by the same key only.
 
     Raises:
         UsageError: another suffix.
+        FileError: the system refuses.
     """
     path = Path(path)
     if path.suffix != ".npz":
@@ -31,15 +45,20 @@ def save_trajectory(trajectory: Trajectory, path: str | Path) -> None:
         )
     values = {f.name: getattr(trajectory, f.name) for f in fields(trajectory)}
     arrays: dict[str, Any] = {k: np.asarray(v) for k, v in values.items() if v is not None}
+    arrays[DIGEST] = np.asarray(digest_of([key, arrays]))
     with replacing_file(path) as fresh, fresh.open("wb") as binary:
         np.savez_compressed(binary, **arrays)
 
 
-def load_trajectory(path: str | Path) -> Trajectory:
+def load_trajectory(path: str | Path, key: str = "") -> Trajectory:
     """Reads what `save_trajectory` wrote.
 
+    Args:
+        path: of the file.
+        key: what it belongs to.
+
     Raises:
-        UsageError: no such file, or no trajectory in it.
+        UsageError: no such file, no trajectory in it, or one that was changed or is of another key.
     """
     path = Path(path)
     if not path.is_file():
@@ -47,7 +66,10 @@ def load_trajectory(path: str | Path) -> Trajectory:
             f"trajectory file {path} does not exist", hint="`resilience compare --out` writes some"
         )
     with reading(path), path.open("rb") as opened, np.load(opened) as file:
-        values = {f.name: _value(file[f.name]) for f in fields(Trajectory) if f.name in file}
+        arrays = {f.name: file[f.name] for f in fields(Trajectory) if f.name in file}
+        if str(file[DIGEST]) != digest_of([key, arrays]):
+            raise ValueError("its SHA-256 is another than was written")
+        values = {name: _value(array) for name, array in arrays.items()}
     needed = {f.name for f in fields(Trajectory) if f.default is MISSING}
     if not (needed <= values.keys() and _are_of_one_trajectory(values)):
         raise _unreadable(path)

@@ -16,6 +16,7 @@ import resilience as rs
 from resilience.dispatch.rules import Greedy
 from resilience.errors import CertificateError, ResilienceError, UsageError
 from resilience.evaluation.comparison import load_comparison
+from resilience.progress import NOTICE
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
@@ -186,9 +187,10 @@ def parts(folder: Path, method: str) -> list[Path]:
 
 def rewritten(path: Path, **change: Callable[[Any], Any]) -> None:
     """Writes other arrays to a part, with sound sums of bytes."""
-    trajectory = load_trajectory(path)
+    key = path.stem if path.parent.name == "parts" else ""
+    trajectory = load_trajectory(path, key)
     values = {name: other(getattr(trajectory, name)) for name, other in change.items()}
-    save_trajectory(replace(trajectory, **values), path)
+    save_trajectory(replace(trajectory, **values), path, key)
 
 
 @pytest.mark.parametrize(
@@ -213,6 +215,33 @@ def test_a_part_that_cannot_be_read_is_made_anew(world: World, tmp_path: Path) -
         part.write_bytes(torn)
     after = rs.evaluate(world, ["greedy"], out=tmp_path / "out")
     np.testing.assert_array_equal(after.objective["greedy"], before.objective["greedy"])
+
+
+def doctored(path: Path) -> None:
+    """Halves the costs in a part and leaves everything else as it is, its checksum too."""
+    with np.load(path) as file:
+        arrays: dict[str, Any] = dict(file)
+    np.savez_compressed(path, **arrays | {"cost": 0.5 * arrays["cost"]})
+
+
+def as_another(path: Path) -> None:
+    """Puts a part in the place of one of another method."""
+    path.write_bytes(parts(path.parents[1], "rule-0.9")[0].read_bytes())
+
+
+@pytest.mark.parametrize("change", [doctored, as_another])
+def test_a_part_that_is_not_what_was_written_is_made_anew(
+    world: World, tmp_path: Path, change: Callable[[Path], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(NOTICE)
+    before = rs.evaluate(world, ["greedy"], out=tmp_path / "out")
+    part = parts(tmp_path / "out", "greedy")[0]
+    whole = part.read_bytes()
+    change(part)
+    assert part.read_bytes() != whole
+    after = rs.evaluate(world, ["greedy"], out=tmp_path / "out")
+    np.testing.assert_array_equal(after.objective["greedy"], before.objective["greedy"])
+    assert "1 part there is damaged or was changed, and is made anew" in caplog.text
 
 
 @pytest.mark.parametrize(("column", "by"), [("greedy", -1.5), ("bound", 100.0), ("greedy", np.nan)])

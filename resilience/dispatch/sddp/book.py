@@ -17,8 +17,9 @@ from resilience.dispatch.sddp.days import fitted_climate, past_days
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.storm import Fleet, day_program, price_profiles
 from resilience.dispatch.sddp.training import Begin, Settings, Trained, train
-from resilience.errors import UsageError
+from resilience.errors import FileError, UsageError
 from resilience.fragility.outages.bell import Bell, case_bell
+from resilience.progress import log
 
 MAX_LINES = 6  # that can fail: modes are their subsets, 64 then
 BIN_SLOTS = 8  # of 15 minutes: peaks that one cut set serves, where the case names none
@@ -141,7 +142,10 @@ class Book:
         trained = load(path, key)
         if trained is None:
             trained = train(multistage, self._begin, self.probes, self.settings)
-            save(path, key, trained)
+            try:
+                save(path, key, trained)
+            except FileError as error:  # the cuts are there for this run all the same
+                log.info(f"cuts are not kept: {error.message}")
         return trained
 
     def _begin(self, rng: np.random.Generator, last: Floats | None) -> Begin:

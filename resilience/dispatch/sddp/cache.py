@@ -1,25 +1,26 @@
 """Trained cuts on disk, by what they were trained from.
 
 A file's name is a digest of every number of the problem, of where paths begin, and of the settings:
-whatever changes one of them changes the name. A file that is damaged, or is no such file, counts as
-missing and is written anew.
+whatever changes one of them changes the name. A file that is damaged, was changed, or is no such
+file counts as missing and is written anew.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import zipfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.digest import digest_of
 from resilience.dispatch.sddp.model import Cuts, Multistage
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.dispatch.sddp.training import Settings, Trained
-from resilience.files import replacing_file
+from resilience.files import DAMAGED, replacing_file
 
 VERSION = 1
 """Raised whenever the same problem and settings give other cuts."""
@@ -67,28 +68,29 @@ def save(path: Path, key: str, trained: Trained) -> None:
     mode_cuts = [cuts for slot in trained.cuts for cuts in slot]
     count = np.array([cuts.n for cuts in mode_cuts])
     everything = Cuts.joined([*mode_cuts, trained.root])
+    arrays: dict[str, Any] = {
+        "modes": modes,
+        "count": count,
+        "alpha": everything.alpha,
+        "beta": everything.beta,
+        "gamma": everything.gamma,
+        "bounds": np.asarray(trained.bounds),
+    }
+    arrays["sha256"] = np.array(digest_of([key, arrays]))
     with replacing_file(path) as fresh, fresh.open("wb") as file:
-        np.savez_compressed(
-            file,
-            key=np.array(key),
-            modes=modes,
-            count=count,
-            alpha=everything.alpha,
-            beta=everything.beta,
-            gamma=everything.gamma,
-            bounds=trained.bounds,
-        )
+        np.savez_compressed(file, **arrays)
 
 
 def load(path: Path, key: str) -> Trained | None:
     """What `save` wrote under that key, or None."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            if str(file["key"]) != key:
+            arrays = {name: file[name] for name in file.files if name != "sha256"}
+            if str(file["sha256"]) != digest_of([key, arrays]):
                 return None
-            everything = Cuts(file["alpha"], file["beta"], file["gamma"])
-            return _split(everything, file["modes"], file["count"], file["bounds"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            everything = Cuts(arrays["alpha"], arrays["beta"], arrays["gamma"])
+            return _split(everything, arrays["modes"], arrays["count"], arrays["bounds"])
+    except DAMAGED:
         return None
 
 

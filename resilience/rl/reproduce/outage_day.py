@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 from resilience.case import Case
 from resilience.evaluation.compare import evaluate
 from resilience.evaluation.comparison import day_spans
-from resilience.files import reading, replacing_file
 from resilience.models.components import in_roles
+from resilience.parts import load_part, save_part
 from resilience.progress import phase
 from resilience.rl.reproduce.experiments import METHODS, PROPOSED, Effort
 from resilience.rl.reproduce.outcomes import (
@@ -58,10 +57,8 @@ def outage_day(case: Case, scale: Effort, folder: Path) -> OutageDay:
     contender = entrant(case, PROPOSED, METHODS, replace(scale, seeds=1), folder)
     digest = experiment_digest(case, METHODS, scale, [contender])
     name, target = f"storm-{digest}", folder / FIGURES_FOLDER / f"storm-{digest}.json"
-    if target.is_file():
-        with reading(target, "day with an outage"):
-            data = json.loads(target.read_text(encoding="utf-8"))
-            return OutageDay(**{**data, "hours": tuple(data["hours"])})
+    if (stored := load_part(target)) is not None:
+        return OutageDay(**{**stored, "hours": tuple(stored["hours"])})
     first_storm = world(case, METHODS, scale, episodes=1)
     makers = {PROPOSED.label: next(iter(contender.factories.values()))}
     with phase("day with an outage"):
@@ -71,8 +68,7 @@ def outage_day(case: Case, scale: Effort, folder: Path) -> OutageDay:
     worst = int(np.argmax([down[:, span].sum() for span in spans]))
     hours = _hours(first_storm, report.trajectories[PROPOSED.label], spans[worst])
     result = OutageDay(name, PROPOSED.label, worst + 1, hours)
-    with replacing_file(target) as fresh:
-        fresh.write_text(json.dumps(asdict(result), indent=2) + "\n", encoding="utf-8")
+    save_part(target, asdict(result))
     return result
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,8 +20,8 @@ from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.report import Report
 from resilience.evaluation.store import code
 from resilience.evaluation.verdict import verdict
-from resilience.files import reading, replacing_file
 from resilience.fragility.draw import sample_case
+from resilience.parts import load_part, save_part
 from resilience.progress import phase
 from resilience.rl.failed import with_failed
 from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
@@ -114,9 +113,8 @@ def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> 
     ]
     digest = experiment_digest(case, experiment, scale, entrants)
     path = folder / FIGURES_FOLDER / f"{experiment.name}-{digest}.json"
-    if path.is_file():
-        with reading(path, "figures"):
-            return Outcome.of_plain(json.loads(path.read_text(encoding="utf-8")))
+    if (stored := load_part(path)) is not None:
+        return Outcome.of_plain(stored)
     with phase(f"experiment {experiment.name}"):
         makers = {name: make for e in entrants for name, make in e.factories.items()}
         report = evaluate(world(case, experiment, scale), makers, ac=True)
@@ -130,9 +128,7 @@ def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> 
         verdict(report)[-1] if experiment.recourse == "economic" else "",
         notes,
     )
-    with replacing_file(path) as fresh:
-        text = json.dumps(result.plain(), indent=2, allow_nan=False)
-        fresh.write_text(text + "\n", encoding="utf-8")
+    save_part(path, result.plain())
     return result
 
 

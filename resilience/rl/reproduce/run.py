@@ -11,7 +11,6 @@ DIR/case/             the case and its profiles, where measured ones are asked f
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -21,9 +20,8 @@ import numpy as np
 
 from resilience.case import load_case
 from resilience.case.measured.series import Measured, read_measured, write_measured_case
-from resilience.errors import UsageError
-from resilience.files import replacing_file
-from resilience.progress import phase
+from resilience.progress import interruptible, phase
+from resilience.results import REPRODUCTION, check_replaceable, replacing, write_summary
 from resilience.rl.reproduce.experiments import (
     EXPERIMENTS,
     FULL,
@@ -37,7 +35,7 @@ from resilience.rl.reproduce.outcomes import Outcome, entrant, outcome
 from resilience.rl.reproduce.published import OPEN
 from resilience.rl.training.curves import load_curves
 
-SUMMARY_FILE, TABLE_FILE, CASE_FOLDER = "summary.json", "statistics.csv", "case"
+TABLE_FILE, CASE_FOLDER = "statistics.csv", "case"
 
 
 @dataclass(frozen=True)
@@ -113,18 +111,14 @@ class Reproduction:
                     }
 
     def save(self) -> None:
-        """Writes `summary.json` and `statistics.csv`."""
-        with replacing_file(self.folder / SUMMARY_FILE) as fresh:
-            text = json.dumps(self.summary(), indent=2, allow_nan=False)
-            fresh.write_text(text + "\n", encoding="utf-8")
+        """Writes `summary.json` and `statistics.csv`, both or none."""
         rows = list(self.rows())
-        with (
-            replacing_file(self.folder / TABLE_FILE) as fresh,
-            fresh.open("w", encoding="utf-8", newline="") as file,
-        ):
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        with replacing(self.folder, REPRODUCTION) as target:
+            write_summary(target, REPRODUCTION, self.summary())
+            with (target / TABLE_FILE).open("w", encoding="utf-8", newline="") as file:
+                writer = csv.DictWriter(file, list(rows[0]))
+                writer.writeheader()
+                writer.writerows(rows)
 
 
 def reproduce(
@@ -136,6 +130,7 @@ def reproduce(
     out: str | Path = "reproduction",
     scale: Effort | None = None,
     experiments: Sequence[Experiment] | None = None,
+    save: bool = True,
 ) -> Reproduction:
     """Runs the source paper's experiments; what was run before is read.
 
@@ -147,16 +142,33 @@ def reproduce(
         out: folder for everything.
         scale: how much is spent, in place of `quick`.
         experiments: which; all of the paper's if omitted.
+        save: whether `summary.json` and `statistics.csv` are written, too, once all is there.
 
     Raises:
         CaseError: the case has mistakes.
         UsageError: profiles that cannot be read, a case that nothing can be trained on, or a folder
-            that is a file.
+            that is a file or holds a result of another kind.
+        FileError: a folder that cannot be written to.
     """
     folder, scale = Path(out), scale or (QUICK if quick else FULL)
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{folder} is a file", hint="name a folder")
+    check_replaceable(folder, REPRODUCTION)
     experiments = EXPERIMENTS if experiments is None else experiments
+    with interruptible(lambda: f"what is finished is in {folder}; the same command goes on"):
+        result = _reproduction(case, profiles, area, folder, scale, experiments)
+        if save:
+            result.save()
+    return result
+
+
+def _reproduction(
+    case: str | Path,
+    profiles: Sequence[str | Path],
+    area: str | None,
+    folder: Path,
+    scale: Effort,
+    experiments: Sequence[Experiment],
+) -> Reproduction:
+    """What `reproduce` returns; arguments as there."""
     notes: list[str] = []
     cases = {
         name: load_case(_followed(name, profiles, area, folder, notes) if profiles else name)
@@ -165,7 +177,7 @@ def reproduce(
     asked_for = cases[str(case)]
     with phase("experiments"):
         outcomes = tuple(outcome(cases[e.case or str(case)], e, scale, folder) for e in experiments)
-    result = Reproduction(
+    return Reproduction(
         case=asked_for.name,
         scale=scale,
         outcomes=outcomes,
@@ -178,8 +190,6 @@ def reproduce(
         folder=folder,
         notes=tuple(dict.fromkeys(notes)),
     )
-    result.save()
-    return result
 
 
 def _followed(

@@ -9,16 +9,17 @@ RUN/result.json           the best line, and why training ended; once it has
 RUN/events                for TensorBoard, where it is installed
 
 A process may be killed at any time: every file appears whole, and `last.safetensors` after
-whatever belongs to it. What is written again after that is the same but for the seconds.
+whatever belongs to it. What is written again after that is the same but for the seconds. The folder
+is locked while its training lasts, so that there is one at a time.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,8 @@ from typing import Any
 from resilience.case import Case
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
-from resilience.files import replacing_file
-from resilience.progress import Meter, log, meter, phase
+from resilience.files import check_folder, clear_abandoned, locked, replacing_file
+from resilience.progress import Meter, interruptible, meter, notice, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
 from resilience.rl.ground.observers import observer
 from resilience.rl.learning.learner import under_prefix, with_prefix
@@ -36,7 +37,6 @@ from resilience.rl.training.trainer import LogRow, Training, TrainingOptions
 
 LOG_FILE = "log.jsonl"
 EVENTS_FOLDER = "events"
-FRESH = ".new-*"  # what a process leaves that was killed while it wrote
 CHECKPOINT_S = 30.0  # of work that is lost at most, where an iteration is shorter
 
 
@@ -51,13 +51,21 @@ class Run:
             anything.
 
     Raises:
-        UsageError: a folder that holds something else, or a run to resume that does not fit.
+        UsageError: a folder that holds something else, a run to resume that does not fit, or one
+            that another process is at work on.
+        FileError: a folder that cannot be written to.
     """
 
     def __init__(
         self, case: Case, options: TrainingOptions, folder: Path | None, resume: bool = False
     ) -> None:
         self.folder, self.rows, self.ended = folder, list[LogRow](), ""
+        with _alone_in(folder, resume):
+            self._begin(case, options, folder, resume)
+
+    def _begin(
+        self, case: Case, options: TrainingOptions, folder: Path | None, resume: bool
+    ) -> None:
         goes_on = folder is not None and self._goes_on(folder, resume)
         if folder is not None and goes_on and options.iterations is None:
             header = load(folder / LAST_FILE)[1]
@@ -72,7 +80,6 @@ class Run:
         if goes_on:
             self._resume(folder)
         else:
-            folder.mkdir(parents=True, exist_ok=True)
             self._write_json(CONFIG_FILE, self._config())
             self._keep()
         self.kept_at = time.monotonic()
@@ -110,7 +117,11 @@ class Run:
             SolverError: training broke down before there was a policy.
         """
         training = self.training
-        with meter("training", training.iterations) as progress:
+        with (
+            _alone_in(self.folder),
+            interruptible(self._what_is_there),
+            meter("training", training.iterations) as progress,
+        ):
             progress.advance(training.iteration)
             pace = _Pace(training)
             try:
@@ -122,9 +133,17 @@ class Run:
                 self.ended = error.message
                 if not self.rows:
                     raise
-        if self.folder is not None:
-            self._write_json(RESULT_FILE, {"ended": self.ended, "best": asdict(self.best)})
+            if self.folder is not None:
+                self._write_json(RESULT_FILE, {"ended": self.ended, "best": asdict(self.best)})
         return self
+
+    def _what_is_there(self) -> str:
+        if self.folder is None:
+            return "nothing was written; with --out FOLDER, a training can be resumed"
+        return (
+            f"iteration {self.kept_iteration} of {self.training.iterations} is in {self.folder}; "
+            "the same command with --resume goes on"
+        )
 
     def _on_iteration(self, progress: Meter) -> None:
         progress.advance(1)
@@ -166,7 +185,7 @@ class Run:
         }
         state = with_prefix("learner", training.state())
         save(self.folder / LAST_FILE, state, self._header(notes))
-        self.kept_at = time.monotonic()
+        self.kept_at, self.kept_iteration = time.monotonic(), training.iteration
 
     def _header(self, notes: dict[str, Any]) -> Header:
         training = self.training
@@ -195,8 +214,6 @@ class Run:
                 f"{folder} cannot be resumed with {text}; allowed: {allowed}",
                 hint="say the same as when it was begun, or train into a new folder",
             )
-        for leftover in folder.glob(FRESH):
-            shutil.rmtree(leftover, ignore_errors=True)
         training.learner.load_state(under_prefix("learner", tensors))
         training.iteration = header.iteration
         notes = header.notes
@@ -204,7 +221,8 @@ class Run:
         training.best_cost = math.inf if notes["best_cost"] is None else notes["best_cost"]
         training.first_loss = notes["first_loss"]
         self.rows = [LogRow(**row) for row in notes["rows"]]
-        log.info(f"resumed at iteration {training.iteration} of {training.iterations}")
+        self.kept_iteration = training.iteration
+        notice(f"{folder}: goes on at iteration {training.iteration} of {training.iterations}")
 
     def _goes_on(self, folder: Path, resume: bool) -> bool:
         """Whether there is a run to go on with; otherwise it begins.
@@ -213,29 +231,23 @@ class Run:
             UsageError: there is a run, but nobody said to resume it; there is something else; or
                 there is nothing to resume.
         """
-        if folder.exists() and not folder.is_dir():
-            raise UsageError(f"{folder} is a file", hint="name a folder")
+        clear_abandoned(folder)
         has_run = (folder / LAST_FILE).is_file()
-        if has_run and resume:
-            return True
-        if has_run:
+        if has_run and not resume:
             raise UsageError(
                 f"{folder} holds a run", hint="--resume goes on with it; or name a new folder"
             )
-        if not folder.is_dir() or not any(folder.iterdir()):
-            if resume:
-                raise UsageError(
-                    f"{folder} holds no run to resume", hint="leave out --resume to begin one"
-                )
-            return False
-        leftovers = {folder / CONFIG_FILE, *folder.glob(FRESH)}
-        if others := sorted(path.name for path in set(folder.iterdir()) - leftovers):
+        if has_run:
+            return True
+        names = sorted(path.name for path in folder.iterdir())
+        if resume and not names:
             raise UsageError(
-                f"{folder} holds no run, but {', '.join(others)}", hint="name a new folder"
+                f"{folder} holds no run to resume", hint="leave out --resume to begin one"
             )
-        log.info(f"{folder} was left before its first checkpoint; training begins")
-        for path in leftovers:
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        if others := ", ".join(name for name in names if name != CONFIG_FILE):
+            raise UsageError(f"{folder} holds no run, but {others}", hint="name a new folder")
+        if names:
+            notice(f"{folder} was left before its first checkpoint; training begins")
         return False
 
     def _config(self) -> dict[str, Any]:
@@ -267,6 +279,43 @@ class Run:
             for name, value in {**asdict(row), **row.more}.items():
                 if name not in ("iteration", "more"):
                     events.add_scalar(name, value, row.iteration)
+
+
+@contextmanager
+def _alone_in(folder: Path | None, resume: bool = False) -> Iterator[None]:
+    """No other process trains in the folder, if there is any; it is made where a run may begin.
+
+    Raises:
+        UsageError: another does, it is a file, or there is no folder to resume from.
+        FileError: the folder cannot be written to.
+    """
+    if folder is None:
+        yield
+        return
+    check_folder(folder)
+    is_new = not folder.is_dir()
+    if resume and is_new:
+        raise UsageError(f"{folder} holds no run to resume", hint="leave out --resume to begin one")
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with ExitStack() as stack:
+            _lock(folder, stack)
+            yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()  # unless something is in it
+        raise
+
+
+def _lock(folder: Path, stack: ExitStack) -> None:
+    try:
+        stack.enter_context(locked(folder, wait=False))
+    except BlockingIOError:
+        raise UsageError(
+            f"another process trains in {folder}; allowed: one at a time",
+            hint="wait until it has ended, or name a new folder",
+        ) from None
 
 
 class _Pace:

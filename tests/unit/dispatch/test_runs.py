@@ -25,6 +25,7 @@ from resilience.evaluation.store import Store, code
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
+from resilience.progress import NOTICE
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
@@ -161,6 +162,33 @@ def test_an_interrupted_run_goes_on(
     after = {p.name: p.stat().st_mtime_ns for p in (tmp_path / "report/parts").iterdir()}
     assert kept.items() <= after.items()
     assert (tmp_path / "report" / "summary.json").is_file()
+
+
+def test_ctrl_c_says_what_is_there_and_the_next_call_what_it_found(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(NOTICE)
+    begun: list[str] = []
+    run = runs.Part.run
+
+    def stopped(part: runs.Part, on_slot: Callable[[], None] | None = None) -> rs.Trajectory:
+        if len(begun) == 3:
+            raise KeyboardInterrupt
+        begun.append(part.name)
+        return run(part, on_slot)
+
+    monkeypatch.setattr(runs.Part, "run", stopped)
+    folder = tmp_path / "report"
+    with pytest.raises(KeyboardInterrupt) as stop:
+        rs.evaluate(world, METHODS, out=folder)
+    assert str(stop.value) == f"3 of 7 parts are in {folder}; the same command goes on"
+    begun.clear()
+    with pytest.raises(KeyboardInterrupt, match="6 of 7 parts are in"):
+        rs.evaluate(world, METHODS, out=folder)
+    assert f"3 of 7 parts found in {folder}" in caplog.text
+    begun.clear()
+    with pytest.raises(KeyboardInterrupt, match="nothing was written; with --out FOLDER"):
+        rs.evaluate(world, METHODS)
 
 
 def test_one_more_method_does_only_that(

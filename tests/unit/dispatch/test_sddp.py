@@ -231,6 +231,25 @@ def test_a_damaged_file_is_written_anew(tmp_path: Path, damage: bytes | None) ->
     assert file.stat().st_size == len(whole)
 
 
+def test_cuts_that_were_changed_are_trained_again(tmp_path: Path) -> None:
+    case, price, settings = village(), np.array([0.5]), Settings(iterations=2)
+    wanted = Book(case, Bell(), settings=settings, cache=tmp_path).cut_set(50, price).trained
+    (file,) = tmp_path.iterdir()
+    with np.load(file) as archive:
+        arrays: dict[str, Any] = dict(archive)
+    np.savez_compressed(file, **arrays | {"alpha": arrays["alpha"] + 7.5})
+    found = Book(case, Bell(), settings=settings, cache=tmp_path).cut_set(50, price).trained
+    np.testing.assert_array_equal(found.root.alpha, wanted.root.alpha)
+
+
+def test_cuts_that_cannot_be_kept_are_used_all_the_same(tmp_path: Path) -> None:
+    case, price, settings = village(), np.array([0.5]), Settings(iterations=2)
+    (tmp_path / "file").write_bytes(b"")
+    below = Book(case, Bell(), settings=settings, cache=tmp_path / "file").cut_set(50, price)
+    fresh = Book(case, Bell(), settings=settings, cache=False).cut_set(50, price)
+    assert below.trained.bound == fresh.trained.bound
+
+
 def test_a_foreign_file_is_not_read(tmp_path: Path) -> None:
     """A file under the right name, made from other prices."""
     case, settings = village(), Settings(iterations=2)

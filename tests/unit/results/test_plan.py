@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.files import replacing
 from resilience.planning.tables import table_units
+from resilience.results import PLAN, replacing
 
 HEAD = """
 name = "small"
@@ -157,7 +157,7 @@ def test_a_saved_plan_loads_back(storm: rs.Plan, tmp_path: Path) -> None:
 
 def test_nothing_half_written_stays(tmp_path: Path) -> None:
     def fail() -> None:
-        with replacing(tmp_path / "run", "summary.json") as folder:
+        with replacing(tmp_path / "run", PLAN) as folder:
             (folder / "power.csv").write_text("half", encoding="utf-8")
             raise RuntimeError
 

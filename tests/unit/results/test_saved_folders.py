@@ -1,4 +1,4 @@
-"""Folders that earlier versions saved load, and are written again to the letter."""
+"""Folders that earlier versions saved load, and are written again to the letter, with a kind."""
 
 from __future__ import annotations
 
@@ -91,6 +91,11 @@ def written(folder: Path, summary: dict[str, Any]) -> str:
     return text
 
 
+def of_kind(kind: str, text: str) -> str:
+    """A summary of an earlier version, which did not say what it is of."""
+    return text.replace("{\n", f'{{\n  "kind": "{kind}",\n', 1)
+
+
 def test_a_plan_of_an_earlier_version_loads(tmp_path: Path) -> None:
     text = written(tmp_path / "old", PLAN)
     plan = rs.load_plan(tmp_path / "old")
@@ -99,7 +104,7 @@ def test_a_plan_of_an_earlier_version_loads(tmp_path: Path) -> None:
         assert getattr(plan, key) == value, key
     assert plan.case is None
     plan.save(tmp_path / "new")
-    assert (tmp_path / "new" / "summary.json").read_text(encoding="utf-8") == text
+    assert (tmp_path / "new" / "summary.json").read_text(encoding="utf-8") == of_kind("plan", text)
 
 
 def test_a_plan_over_scenarios_of_an_earlier_version_loads(tmp_path: Path) -> None:
@@ -121,7 +126,8 @@ def test_a_plan_over_scenarios_of_an_earlier_version_loads(tmp_path: Path) -> No
     np.testing.assert_array_equal(plan.recourse[1], [[[1.0, 3.0], [2.0, 4.0]]])
     np.testing.assert_array_equal(plan.tables["staying"]["probability"], [1.0])
     plan.save(tmp_path / "new")
-    assert (tmp_path / "new" / "summary.json").read_text(encoding="utf-8") == text
+    again = (tmp_path / "new" / "summary.json").read_text(encoding="utf-8")
+    assert again == of_kind("plan over scenarios", text)
 
 
 def test_a_summary_with_a_key_too_many_is_none_of_a_plan(tmp_path: Path) -> None:

@@ -13,8 +13,6 @@ import shutil
 import signal
 import sys
 import threading
-import time
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,10 +21,10 @@ from resilience.rl.checkpoint import load
 from resilience.rl.training import run as run_module
 from resilience.rl.training.run import Run, event_writer
 from resilience.rl.training.trainer import TrainingOptions
+from tests.faults.killing import Killer, forked
 from tests.unit.rl.small import SETTINGS, keyword_defaults, small_storm_case
 
 OPTIONS = TrainingOptions(iterations=5, validations=2, seed=4, settings=SETTINGS)
-OPERATIONS = {"open", "os.rename", "os.mkdir", "os.rmdir", "os.remove", "shutil.rmtree"}
 
 
 def main(folder: Path, moments: list[str]) -> None:
@@ -37,30 +35,16 @@ def main(folder: Path, moments: list[str]) -> None:
     case = small_storm_case()
     for number, moment in enumerate(moments):
         place = folder / str(number)
-        killed = _forked(partial(_train, case, place, moment))
+        killed = forked(partial(_train, case, place, moment))
         report: dict[str, Any] = {"moment": moment, "killed": killed == signal.SIGKILL}
         report["left"] = sorted(path.name for path in place.glob("*"))
         if killed:
             began = place.is_dir() and any(place.iterdir())
-            again = _forked(partial(_resume, case, place, began))
+            again = forked(partial(_resume, case, place, began))
             report["resumed"] = again == 0
         report["facts"] = facts(place)
         print(json.dumps(report), flush=True)
         shutil.rmtree(place)
-
-
-def _forked(work: Callable[[], object]) -> int:
-    """Signal or exit code of a child that does the work."""
-    child = os.fork()
-    if not child:
-        code = 1
-        try:
-            work()
-            code = 0
-        finally:
-            os._exit(code)
-    status = os.waitpid(child, 0)[1]
-    return os.WTERMSIG(status) if os.WIFSIGNALED(status) else os.WEXITSTATUS(status)
 
 
 def _train(case: Any, place: Path, moment: str) -> None:
@@ -70,29 +54,12 @@ def _train(case: Any, place: Path, moment: str) -> None:
         timer.daemon = True
         timer.start()
     elif moment != "never":
-        sys.addaudithook(_Killer(str(place), int(moment)))
+        sys.addaudithook(Killer(place, int(moment)))
     Run(case, OPTIONS, place).train()
 
 
 def _resume(case: Any, place: Path, began: bool) -> None:
     Run(case, OPTIONS, place, resume=began).train()
-
-
-class _Killer:
-    """An audit hook that kills its process just before a file operation below a folder."""
-
-    def __init__(self, folder: str, count: int) -> None:
-        self.folder, self.left = folder, count
-
-    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if event not in OPERATIONS or not str(arguments[0]).startswith(self.folder):
-            return
-        if event == "open" and not int(arguments[2] or 0) & (os.O_WRONLY | os.O_RDWR):
-            return
-        self.left -= 1
-        if self.left == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-            time.sleep(60.0)
 
 
 def facts(place: Path) -> dict[str, str]:

@@ -14,6 +14,8 @@ import pytest
 
 import resilience as rs
 from resilience.dispatch.registry import POLICY_FILE
+from resilience.files import locked
+from resilience.progress import NOTICE
 
 torch = pytest.importorskip("torch", reason="torch is not installed here: resilience[learn]")
 pytest.importorskip("safetensors", reason="safetensors is not installed here: resilience[learn]")
@@ -28,8 +30,8 @@ from tests.unit.rl.small import SETTINGS, few_storms, small_storm_case  # noqa: 
 
 ROOT = Path(__file__).parents[3]
 OPTIONS = TrainingOptions(iterations=3, validations=3, seed=2, settings=SETTINGS)
-OPERATIONS = 120
-"""File operations that a small training has at least, and those among which the fast test kills."""
+OPERATIONS = 154
+"""File operations of a small training, and one more: those at which it is killed."""
 
 
 @pytest.fixture(autouse=True)
@@ -270,6 +272,43 @@ def test_a_budget_becomes_iterations_once(case: rs.Case, tmp_path: Path) -> None
     run = Run(case, options, tmp_path / "run")
     again = Run(case, replace(options, budget_s=9.0), tmp_path / "run", resume=True)
     assert again.training.iterations == run.training.iterations
+
+
+def test_one_training_at_a_time_is_in_a_folder(case: rs.Case, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    run = Run(case, OPTIONS, folder)
+    before = {path.name for path in folder.iterdir()}
+    with locked(folder):  # as the other process does
+        for resume in (False, True):
+            with pytest.raises(rs.UsageError, match=r"another process trains in .*run; allowed"):
+                Run(case, OPTIONS, folder, resume=resume)
+        with pytest.raises(rs.UsageError, match="another process"):
+            run.train()
+    assert {path.name for path in folder.iterdir()} == before
+    assert run.train().ended == "all 3 iterations done"
+
+
+def test_ctrl_c_says_where_a_training_is_and_how_it_goes_on(
+    case: rs.Case, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(NOTICE)
+
+    def stop(run: Run, progress: object) -> None:
+        if run.training.iteration == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Run, "_on_iteration", stop)
+        with pytest.raises(KeyboardInterrupt) as stopped:
+            Run(case, OPTIONS, tmp_path / "run").train()
+        with pytest.raises(KeyboardInterrupt, match="nothing was written; with --out FOLDER"):
+            Run(case, OPTIONS, None).train()
+    at = load(tmp_path / "run" / LAST_FILE)[1].iteration
+    assert str(stopped.value) == (
+        f"iteration {at} of 3 is in {tmp_path / 'run'}; the same command with --resume goes on"
+    )
+    Run(case, OPTIONS, tmp_path / "run", resume=True).train()
+    assert f"{tmp_path / 'run'}: goes on at iteration {at} of 3" in caplog.text
 
 
 def test_a_device_that_is_not_there_is_refused(case: rs.Case) -> None:
