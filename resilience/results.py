@@ -97,9 +97,8 @@ def check_replaceable(folder: Path, *kinds: ResultKind) -> None:
         UsageError: it is a file, holds a result of another kind, or something else.
         FileError: it could not be written to.
     """
-    with writing(folder):
+    with writing(folder), steady(folder):
         if folder.is_dir():
-            settle(folder)
             _check_contents(folder, kinds)
     check_folder(folder)
 

@@ -23,6 +23,7 @@ from resilience.cli.storms import hazard, scenarios
 from resilience.cli.train import env, export, train
 
 if TYPE_CHECKING:
+    from resilience.evaluation.compare import Report
     from resilience.planning.plan import Plan
     from resilience.planning.scenario_plan import ScenarioPlan
 
@@ -96,10 +97,7 @@ def solve(
             common_slots=common_slots,
             algorithm=algorithm,
         )
-    if as_json:
-        typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
-    else:
-        _print(plan)
+    terminal.show(partial(_print, plan, as_json))
     terminal.write(
         terminal.Output("tables", out, plan.save),
         terminal.Output("picture", plot, partial(_draw, plan)),
@@ -114,7 +112,10 @@ def _draw(plan: Plan | ScenarioPlan, path: Path) -> None:
     draw_plan(plan, path)
 
 
-def _print(plan: Plan | ScenarioPlan) -> None:
+def _print(plan: Plan | ScenarioPlan, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
+        return
     from rich.console import Console
 
     from resilience.planning.scenario_plan import ScenarioPlan
@@ -151,7 +152,6 @@ def compare(
     """Judge dispatchers on the same storms, against the clairvoyant optimum."""
     import resilience as rs
     from resilience.files import check_picture
-    from resilience.text.comparison import print_report
 
     if plot is not None:
         check_picture(plot)
@@ -175,19 +175,25 @@ def compare(
             out=out,
             save=False,
         )
-    if as_json:
-        for line in report.warnings:
-            print(f"warning: {line}", file=sys.stderr)
-        typer.echo(json.dumps(report.summary(), indent=2, allow_nan=False))
-    else:
-        from rich.console import Console
-
-        print_report(report, Console())
+    terminal.show(partial(_print_report, report, as_json))
     terminal.write(
         terminal.Output("report", out, report.save),
         terminal.Output("picture", plot, partial(rs.plot_report, report)),
         quiet=as_json,
     )
+
+
+def _print_report(report: Report, as_json: bool) -> None:
+    if as_json:
+        for line in report.warnings:
+            print(f"warning: {line}", file=sys.stderr)
+        typer.echo(json.dumps(report.summary(), indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.text.comparison import print_report
+
+    print_report(report, Console())
 
 
 @app.command()
@@ -246,6 +252,9 @@ def main(arguments: list[str] | None = None) -> None:
             sys.stdout.flush()
     except ResilienceError as error:
         _fail(str(error))
+    except BrokenPipeError:  # whoever reads has enough
+        terminal.silence()
+        sys.exit(1)
     except OSError as error:
         _fail(str(file_error(f"cannot use {error.filename or 'a file'}", error)))
     except MemoryError:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from resilience.cli import options, terminal
+
+if TYPE_CHECKING:
+    from resilience.rl.reproduce.run import Reproduction
 
 
 def reproduce(
@@ -45,15 +49,7 @@ def reproduce(
         result = run_experiments(
             case, quick=quick, profiles=profiles or (), area=area, out=out, save=False
         )
-    if as_json:
-        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
-    else:
-        from rich.console import Console
-
-        from resilience.text.reproduction import print_reproduction
-
-        print_reproduction(result, Console())
-        typer.echo("")
+    terminal.show(partial(_print, result, as_json))
 
     def write_all(_: Path) -> None:
         files = [("table", out / TABLE_FILE), ("all figures", out / SUMMARY_FILE)]
@@ -64,3 +60,15 @@ def reproduce(
             terminal.print_written(*files)
 
     terminal.write(terminal.Output("", out, write_all), quiet=True)
+
+
+def _print(result: Reproduction, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.text.reproduction import print_reproduction
+
+    print_reproduction(result, Console())
+    typer.echo("")

@@ -12,6 +12,7 @@ from resilience.cli import bell_options, options, terminal
 
 if TYPE_CHECKING:
     from resilience.case import Case
+    from resilience.fragility.feeder_hazard import Hazard
     from resilience.fragility.outages.bell import BellSettings
     from resilience.fragility.outages.scenarios import Scenarios
 
@@ -76,7 +77,7 @@ def scenarios(
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
         drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
-    _print_scenarios(drawn, loaded, as_json)
+    terminal.show(partial(_print_scenarios, drawn, loaded, as_json))
     terminal.write(terminal.Output("scenarios", out, drawn.save), quiet=as_json)
 
 
@@ -116,16 +117,20 @@ def hazard(
     result = rs.hazard(
         case, track, storm=storm, averaging_s=averaging_s, agency=agency, n=n, seed=seed
     )
-    if as_json:
-        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
-    else:
-        from rich.console import Console
-
-        from resilience.text.hazard import print_hazard
-
-        print_hazard(result, Console())
+    terminal.show(partial(_print_hazard, result, as_json))
     terminal.write(
         terminal.Output("tables", out, result.save),
         terminal.Output("picture", plot, partial(rs.plot_hazard, result)),
         quiet=as_json,
     )
+
+
+def _print_hazard(result: Hazard, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
+        return
+    from rich.console import Console
+
+    from resilience.text.hazard import print_hazard
+
+    print_hazard(result, Console())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -102,6 +103,20 @@ def progress_display(console: Console) -> Progress:
     )
 
 
+def show(answer: Callable[[], object]) -> None:
+    """Prints the answer; it is also written where whoever reads stdout has gone by now."""
+    try:
+        answer()
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # the latter is what rich makes of it
+        silence()
+
+
+def silence() -> None:
+    """Lets what is still printed to stdout vanish."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 @dataclass(frozen=True)
 class Output:
     """A file or folder that a user asks for beside what is printed.
@@ -127,7 +142,6 @@ def write(*outputs: Output, quiet: bool = False) -> None:
     Raises:
         ResilienceError: of the first that could not be written; the others are all the same.
     """
-    sys.stdout.flush()
     errors = list[ResilienceError]()
     for output in outputs:
         if output.path is None:

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -119,6 +120,34 @@ def test_nobody_reads_while_a_result_is_put_in_place(plan: rs.Plan, tmp_path: Pa
         assert not read
     reader.join(30.0)
     assert read[0].summary() == plan.summary()
+
+
+def test_writers_and_readers_at_the_same_time_meet_whole_plans(
+    plan: rs.Plan, tmp_path: Path
+) -> None:
+    other = rs.solve(island().replace(outages=()), "milp")
+    plan.save(tmp_path / "run")
+    known, faults = [plan.summary(), other.summary()], list[object]()
+
+    def work(turn: Callable[[], object]) -> None:
+        try:
+            for _ in range(4):
+                turn()
+        except BaseException as error:
+            faults.append(error)
+
+    def read() -> None:
+        if rs.load_plan(tmp_path / "run").summary() not in known:
+            faults.append("another plan")
+
+    turns = [partial(saved.save, tmp_path / "run") for saved in (plan, other, other)]
+    threads = [threading.Thread(target=work, args=(turn,)) for turn in (*turns, read, read)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert faults == []
+    assert not [path for path in (tmp_path / "run").iterdir() if path.name.startswith(HIDDEN)]
 
 
 def test_what_is_at_work_is_not_taken_for_abandoned(tmp_path: Path) -> None:
@@ -314,6 +343,33 @@ def test_ctrl_c_is_answered(
     assert "proven bound" in out
     text = f"{paths['RUN']} is not written to the end; the same command writes it"
     assert err == f"interrupted: {text}\n"
+
+
+GONE = """
+import sys, time
+from resilience.cli import main
+sys.stdin.read()
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize("json", [[], ["--json"]])
+def test_what_nobody_reads_is_written_all_the_same(
+    place: Path, plan: rs.Plan, tmp_path: Path, json: list[str]
+) -> None:
+    words = ["solve", str(place / "case.toml"), "--method", "lp", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        [sys.executable, "-c", GONE, *words, *json], env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdin
+        assert process.stdout
+        assert process.stderr
+        process.stdout.close()
+        process.stdin.close()
+        errors = process.stderr.read()
+    assert errors == ""
+    assert rs.load_plan(tmp_path / "run").objective == pytest.approx(plan.objective)
 
 
 def test_a_library_that_fails_names_the_result(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -206,7 +207,8 @@ def write_measured_case(
     Args:
         base: a case, by name or file.
         measured: what it is to follow, at its step.
-        folder: where `case.toml` and `profiles.csv` are written.
+        folder: where `case.toml` is written, after the profiles, which are called after a digest of
+            theirs: an earlier case keeps its own until the new one is there.
         zone: whose midnight.
 
     Raises:
@@ -219,6 +221,8 @@ def write_measured_case(
             hint="read them with step_min of the case",
         )
     profiles = _profiles(measured, zone)
+    text = profiles.to_csv(index=False, date_format="%Y-%m-%d %H:%M")
+    profiles_file = f"profiles-{hashlib.sha256(text.encode()).hexdigest()[:12]}.csv"
     first = profiles["time"].iloc[0]
     loads = [{"name": load.name, "profile": LOAD} for load in case.load]
     plants = [{"name": pv.name, "profile": SOLAR} for pv in case.pv]
@@ -228,16 +232,19 @@ def write_measured_case(
         "name": f"{case.name}-measured",
         "description": f"{case.name} on measured load and solar power",
         "time": {"start": first, "slots": case.window.slots_per_day, "step_min": case.step_min},
-        "profiles": {"file": "profiles.csv"},
+        "profiles": {"file": profiles_file},
         "load": loads,
         "pv": plants,
     }
     import tomli_w
 
-    with replacing_file(folder / "profiles.csv") as fresh:
-        profiles.to_csv(fresh, index=False, date_format="%Y-%m-%d %H:%M")
+    with replacing_file(folder / profiles_file) as fresh:
+        fresh.write_text(text, encoding="utf-8", newline="")
     with replacing_file(folder / "case.toml") as fresh:
         fresh.write_text(tomli_w.dumps(data), encoding="utf-8")
+    for earlier in folder.glob("profiles-*.csv"):
+        if earlier.name != profiles_file:
+            earlier.unlink()
     return folder / "case.toml"
 
 
