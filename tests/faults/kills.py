@@ -108,7 +108,9 @@ def wrong(kind: Kind, place: Path, old: Any, new: Any) -> Iterator[str]:
         yield "the same command fails"
     if contents(place) != new:
         yield "the same command gives another result"
-    if forked(partial(kind.earlier or kind.read, place)) != 0:
+    if kind.earlier is None:
+        forked(partial(quietly, kind.later, place))  # refuses, since it is there
+    elif forked(partial(kind.earlier, place)) != 0:
         yield "it is not replaced again"
     if litter := [str(p) for p in place.parent.rglob("*") if p.name.startswith(HIDDEN)]:
         yield f"litter stays: {litter}"

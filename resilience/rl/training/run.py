@@ -228,8 +228,7 @@ class Run:
         """Whether there is a run to go on with; otherwise it begins.
 
         Raises:
-            UsageError: there is a run, but nobody said to resume it; there is something else; or
-                there is nothing to resume.
+            UsageError: there is a run, but nobody said to resume it; or there is something else.
         """
         clear_abandoned(folder)
         has_run = (folder / LAST_FILE).is_file()
@@ -240,13 +239,9 @@ class Run:
         if has_run:
             return True
         names = sorted(path.name for path in folder.iterdir())
-        if resume and not names:
-            raise UsageError(
-                f"{folder} holds no run to resume", hint="leave out --resume to begin one"
-            )
         if others := ", ".join(name for name in names if name != CONFIG_FILE):
             raise UsageError(f"{folder} holds no run, but {others}", hint="name a new folder")
-        if names:
+        if names or resume:
             notice(f"{folder} was left before its first checkpoint; training begins")
         return False
 
