@@ -116,16 +116,15 @@ def _print(plan: Plan | ScenarioPlan, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
         return
-    from rich.console import Console
-
     from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.text.console import plain_console
     from resilience.text.plan import print_plan
     from resilience.text.scenario_plan import print_scenario_plan
 
     if isinstance(plan, ScenarioPlan):
-        print_scenario_plan(plan, Console())
+        print_scenario_plan(plan, plain_console())
     else:
-        print_plan(plan, Console())
+        print_plan(plan, plain_console())
 
 
 @app.command()
@@ -189,11 +188,10 @@ def _print_report(report: Report, as_json: bool) -> None:
             print(f"warning: {line}", file=sys.stderr)
         typer.echo(json.dumps(report.summary(), indent=2, allow_nan=False))
         return
-    from rich.console import Console
-
     from resilience.text.comparison import print_report
+    from resilience.text.console import plain_console
 
-    print_report(report, Console())
+    print_report(report, plain_console())
 
 
 @app.command()

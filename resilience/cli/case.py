@@ -66,12 +66,11 @@ def check(case: options.CaseName) -> None:
 @case_app.command()
 def show(case: options.CaseName) -> None:
     """Print what a case holds: network, devices, horizon, outages, islands."""
-    from rich.console import Console
-
     import resilience as rs
+    from resilience.text.console import plain_console
     from resilience.text.plan import print_case
 
-    print_case(rs.load_case(case), Console())
+    print_case(rs.load_case(case), plain_console())
 
 
 @case_app.command("list")

@@ -66,9 +66,8 @@ def _print(result: Reproduction, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
         return
-    from rich.console import Console
-
+    from resilience.text.console import plain_console
     from resilience.text.reproduction import print_reproduction
 
-    print_reproduction(result, Console())
+    print_reproduction(result, plain_console())
     typer.echo("")

@@ -82,15 +82,14 @@ def scenarios(
 
 
 def _print_scenarios(drawn: Scenarios, case: Case, as_json: bool) -> None:
-    from rich.console import Console
-
     from resilience import fragility
+    from resilience.text.console import plain_console
     from resilience.text.scenarios import print_scenarios
 
     if as_json:
         typer.echo(json.dumps(fragility.summary(drawn, case), indent=2, allow_nan=False))
         return
-    print_scenarios(drawn, case, Console())
+    print_scenarios(drawn, case, plain_console())
 
 
 def hazard(
@@ -129,8 +128,7 @@ def _print_hazard(result: Hazard, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(result.summary(), indent=2, allow_nan=False))
         return
-    from rich.console import Console
-
+    from resilience.text.console import plain_console
     from resilience.text.hazard import print_hazard
 
-    print_hazard(result, Console())
+    print_hazard(result, plain_console())

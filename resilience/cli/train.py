@@ -92,11 +92,10 @@ def train(
     if as_json:
         typer.echo(json.dumps([run.summary() for run in runs], indent=2, allow_nan=False))
         return
-    from rich.console import Console
-
+    from resilience.text.console import plain_console
     from resilience.text.training import print_runs
 
-    print_runs(runs, Console())
+    print_runs(runs, plain_console())
     terminal.print_written(("run", out))
 
 
@@ -150,25 +149,23 @@ def env(
         results = [asdict(result) for result in checks]
         typer.echo(json.dumps(facts | {"checks": results}, indent=2, allow_nan=False))
     else:
-        from rich.console import Console
-
+        from resilience.text.console import plain_console
         from resilience.text.training import print_environment
 
-        print_environment(facts, checks, Console())
+        print_environment(facts, checks, plain_console())
     if any(result.verdict == "failed" for result in checks):
         raise typer.Exit(1)
 
 
 def _print_settings(method: str, values: dict[str, Any]) -> None:
     """What the settings of an algorithm are, of the variant that is among these."""
-    from rich.console import Console
-
     from resilience.rl.algorithms.described import described
     from resilience.rl.algorithms.registry import algorithm
+    from resilience.text.console import plain_console
     from resilience.text.training import print_settings
 
     variant = {name: value for name, value in values.items() if name == "variant"}
-    print_settings(method, described(algorithm(method).settings_kind(**variant)), Console())
+    print_settings(method, described(algorithm(method).settings_kind(**variant)), plain_console())
 
 
 def _numbers(text: str) -> list[str]:

@@ -109,10 +109,8 @@ def _over(axis: Axes, rows: list[Record], looks: dict[str, dict[str, Any]]) -> N
     axis.set_yticks(range(len(rows)), [row.name for row in rows])
     axis.set_ylim(len(rows) - 0.5, -1.2)
     axis.set_xlabel(
-        style.plain(
-            "cost above the clairvoyant bound, $/day\n"
-            f"dots: episodes; markers: means, 95 % intervals; dashed: {REFERENCE}"
-        )
+        "cost above the clairvoyant bound, $/day\n"
+        f"dots: episodes; markers: means, 95 % intervals; dashed: {REFERENCE}"
     )
     _numbers(axis, rows)
 
@@ -121,7 +119,7 @@ def _numbers(axis: Axes, rows: list[Record]) -> None:
     """The means as numbers, to the right of the panel."""
     right = axis.twinx()
     texts = [f"{row.mean.mean:+8.2f} {row.shed:9.3f}" for row in rows]
-    head = style.plain(f"{'$/day':>8} {'MWh/d shed':>11}")
+    head = f"{'$/day':>8} {'MWh/d shed':>11}"
     right.set_yticks([-0.9, *range(len(rows))], [head, *texts])
     right.set_ylim(axis.get_ylim())
     right.tick_params(length=0, labelfontfamily="monospace")
@@ -179,7 +177,7 @@ def _daily(
     worth = f"{compared.end_value_per_mwh:g}"
     words = f"cost of a day, $ (energy stored worth {worth} $/MWh)\n"
     words += "dots: days" if few else "box: middle half; whiskers: 5 to 95 %"
-    axis.set_xlabel(style.plain(words))
+    axis.set_xlabel(words)
 
 
 def _boxes(axis: Axes, values: list[Floats], colours: list[str]) -> None:
@@ -204,7 +202,7 @@ def _trade(axis: Axes, rows: list[Record], looks: dict[str, dict[str, Any]]) -> 
 
         axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axis.set_ylim(0.0, max(1.5 * shed.max(), LINEAR_BELOW_MWH))
-    axis.set_xlabel(style.plain("mean cost above the bound, $/day"))
+    axis.set_xlabel("mean cost above the bound, $/day")
     axis.set_ylabel("mean energy shed, MWh/day")
     axis.grid(color="#e5e7eb", lw=0.6)
     axis.set_axisbelow(True)

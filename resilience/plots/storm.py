@@ -73,7 +73,7 @@ def _draw(view: EpisodeView) -> Figure:
         rows = dict(zip(heights, axes[:, k], strict=True))
         _column(rows, view, method, last=k == n - 1)
         head = f"{name}: {method.cost:.2f} $, {method.shed.sum() * view.case.step_h:.2f} MWh shed"
-        rows["power"].set_title(style.plain(head), loc="left", fontsize=9, fontweight="bold")
+        rows["power"].set_title(head, loc="left", fontsize=9, fontweight="bold")
         style.time_axis(rows["lines"], view.start, view.hours, 1.0 if n == 1 else 0.55)
         if k == 0:
             _row_labels(rows)
@@ -178,7 +178,7 @@ def _top(figure: Figure, axes: np.ndarray, title: str) -> None:
         entries |= dict(zip(labels, handles, strict=True))
     entries["storm centre"] = Line2D([], [], color="black", lw=1.0, ls=(0, (1, 1.5)))
     figure.legend(
-        entries.values(), entries.keys(), title=style.plain(title), title_fontsize=10,
+        entries.values(), entries.keys(), title=title, title_fontsize=10,
         alignment="left", loc="outside upper left", ncols=8, frameon=False, fontsize=8,
         columnspacing=1.4, handlelength=1.6,
     )  # fmt: skip

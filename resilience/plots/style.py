@@ -59,10 +59,12 @@ def colours() -> dict[str, str]:
 
 
 def look() -> AbstractContextManager[None]:
-    """Letters a little smaller than usual, for everything drawn within."""
+    """Letters a little smaller than usual, for everything drawn within, and no mathematics: a
+    dollar is a dollar, also in a name.
+    """
     import matplotlib as mpl
 
-    return mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8})
+    return mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8, "text.parse_math": False})
 
 
 def write_figure(figure: Figure, path: str | Path | None) -> Figure:
@@ -73,14 +75,9 @@ def write_figure(figure: Figure, path: str | Path | None) -> Figure:
     return figure
 
 
-def plain(text: str) -> str:
-    """The text without mathematics: a dollar is a dollar."""
-    return text.replace("$", r"\$")
-
-
 def headed(figure: Figure, text: str) -> None:
     """A heading above all panels, on the left."""
-    figure.suptitle(plain(text), fontsize=10, x=0.01, ha="left")
+    figure.suptitle(text, fontsize=10, x=0.01, ha="left")
 
 
 def open_frame(axis: Axes) -> None:

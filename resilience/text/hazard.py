@@ -27,6 +27,11 @@ MIN_CHANCE_LISTED = 0.01  # a rarer state of the whole feeder tells nobody anyth
 
 def print_hazard(hazard: Hazard, console: Console) -> None:
     """Prints the storm, its course, lines by probability, loads in the dark, likely islands."""
+    from rich.text import Text
+
+    storm = hazard.storm
+    about = f"  {storm.track.name or 'storm'}, {storm.geography.about}"
+    console.print(Text.assemble((storm.case.name, "bold"), about))
     for line in _head(hazard):
         console.print(line, highlight=False)
     _print_course(hazard, console)
@@ -38,8 +43,7 @@ def print_hazard(hazard: Hazard, console: Console) -> None:
 def _head(hazard: Hazard) -> list[str]:
     storm = hazard.storm
     track, case = storm.track, storm.case
-    lines = [f"[bold]{case.name}[/bold]  {track.name or 'storm'}, {storm.geography.about}"]
-    lines.append(f"source   {track.source}")
+    lines = [f"source   {track.source}"]
     lines += [f"filled   {field}: {note}" for field, note in track.filled.items()]
     lines.append(_closest(hazard))
     basis = assumptions(storm)

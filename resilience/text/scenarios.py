@@ -18,13 +18,13 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     """Prints `summary` as a table: by day of a process that knows days, else over the horizon."""
     from rich import box
     from rich.table import Table
+    from rich.text import Text
 
     numbers = summary(scenarios, case)
     days = "1 day" if numbers["days"] == 1 else f"{numbers['days']} days"
     seed = "" if scenarios.seed is None else f", seed {scenarios.seed}"
-    console.print(
-        f"[bold]{case.name}[/bold]  {scenarios.n} scenarios of {days}{seed}", highlight=False
-    )
+    title = Text.assemble((case.name, "bold"), f"  {scenarios.n} scenarios of {days}{seed}")
+    console.print(title)
     weights = worth(scenarios.probability)
     if weights:
         console.print(f"weighted scenarios, {weights}: no percentage is surer than one of so many")

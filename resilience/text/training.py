@@ -18,12 +18,11 @@ if TYPE_CHECKING:
 
 def print_runs(runs: Sequence[Run], console: Console) -> None:
     """A line per run, and how they do together."""
-    from rich.markup import escape
     from rich.table import Table
 
     first = runs[0]
     console.print(
-        f"{escape(first.case.name)}: {first.training.options.method}, "
+        f"{first.case.name}: {first.training.options.method}, "
         f"{first.training.iterations} iterations, judged on "
         f"{first.training.validation_days:g} validation days that nothing was learned on"
     )
@@ -37,7 +36,7 @@ def print_runs(runs: Sequence[Run], console: Console) -> None:
             f"{run.training.cpu_s:.1f}",
             f"{best.cost_per_day:.3f}",
             f"{100 * best.gap:.2f} %",
-            escape(run.ended),
+            run.ended,
         )
     console.print(table)
     if len(runs) > 1:
@@ -46,13 +45,12 @@ def print_runs(runs: Sequence[Run], console: Console) -> None:
     if first.folder is not None:
         console.print(
             "judge it on the test days: resilience compare "
-            f"{escape(first.case.name)} --methods rule,mpc,{first.name}"
+            f"{first.case.name} --methods rule,mpc,{first.name}"
         )
 
 
 def print_settings(method: str, settings: Sequence[DescribedSetting], console: Console) -> None:
     """The settings of an algorithm."""
-    from rich.markup import escape
     from rich.table import Table
 
     console.print(f"{method}: settings, each to be given as --set NAME=VALUE")
@@ -60,28 +58,25 @@ def print_settings(method: str, settings: Sequence[DescribedSetting], console: C
     for name in ("name", "default", "what it is"):
         table.add_column(name)
     for setting in settings:
-        table.add_row(setting.name, escape(repr(setting.default)), escape(setting.about))
+        table.add_row(setting.name, repr(setting.default), setting.about)
     console.print(table)
 
 
 def print_environment(facts: dict[str, Any], checks: Sequence[Check], console: Console) -> None:
     """What is seen and done in a case, and how the official checks went."""
-    from rich.markup import escape
     from rich.table import Table
 
     console.print(
-        f"{escape(facts['case'])}: episodes of {facts['slots']} slots of "
+        f"{facts['case']}: episodes of {facts['slots']} slots of "
         f"{facts['step_min']:g} min, on {facts['days_to_begin_on']} training days"
     )
     agents = ", ".join(facts["agents"])
-    console.print(
-        f"actions: {len(facts['agents'])} in [-1, 1], one per unit: {escape(agents)}", markup=False
-    )
+    console.print(f"actions: {len(facts['agents'])} in [-1, 1], one per unit: {agents}")
     console.print(f"an observation has {facts['numbers']} numbers:")
     table = Table(box=None, padding=(0, 2), pad_edge=False, show_header=False)
     for name, count in facts["observation"].items():
-        table.add_row(escape(name), str(count))
+        table.add_row(name, str(count))
     console.print(table)
     for check in checks:
         reason = f" ({check.reason})" if check.reason else ""
-        console.print(f"{check.verdict:>7}  {check.name}{reason}", markup=False)
+        console.print(f"{check.verdict:>7}  {check.name}{reason}")
