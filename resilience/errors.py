@@ -15,6 +15,7 @@ A message reads: subject, value found, what is allowed; then `hint:` with the re
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -61,6 +62,11 @@ class CertificateError(SolverError):
     """
 
 
+def shortened(text: str, limit: int = 60) -> str:
+    """A text for messages, cut to `limit` characters."""
+    return text if len(text) <= limit else text[: limit - 4] + " ..."
+
+
 @dataclass(frozen=True)
 class Mistake:
     """One mistake in a case file.
@@ -85,10 +91,58 @@ class Mistake:
         where = " ".join(text for text in (self.table, self.key) if text)
         return (
             f"{self.file}: {where}\n"
-            f"  found:   {self.value}\n"
+            f"  found:   {shortened(self.value, MAX_SHOWN)}\n"
             f"  allowed: {self.allowed}\n"
             f"  hint: {self.hint}"
         )
+
+
+MAX_SHOWN = 1000
+"""Characters of a value in a message."""
+MAX_LISTED = 100
+"""Mistakes in a message; `CaseError.mistakes` has all."""
+MAX_COMPARED = 200
+"""Characters of a name, and names, beyond which only names that begin alike are compared."""
+
+
+def did_you_mean(name: str, allowed: Iterable[str], *, max_listed: int = 8) -> str:
+    """A hint that offers the nearest allowed names, or else the first few."""
+    names = list(allowed)
+    text = name.casefold()
+    folded = {candidate.casefold(): candidate for candidate in names}
+    likely = [key for key in folded if len(names) <= MAX_COMPARED or key[:1] == text[:1]]
+    likely = likely if len(text) <= MAX_COMPARED else []
+    close = difflib.get_close_matches(text, likely, n=3, cutoff=0.6)
+    if close:
+        return "did you mean " + " or ".join(folded[match] for match in close) + "?"
+    if not names:
+        return "there are none"
+    more = f", ... ({len(names)} in all)" if len(names) > max_listed else ""
+    return "known are " + ", ".join(names[:max_listed]) + more
+
+
+def check_range(
+    name: str, value: float, low: float, high: float, *, hint: str = "", below: bool = False
+) -> None:
+    """Refuses a number that lies outside a range, and tells where it looks like percent.
+
+    Args:
+        name: of the number, for the message.
+        value: the number.
+        low: least that is allowed.
+        high: most that is allowed.
+        hint: what to do about it.
+        below: whether the number must stay below `high`.
+
+    Raises:
+        UsageError: it lies outside, or is none.
+    """
+    if low <= value <= high and not (below and value == high):
+        return
+    allowed = f"{low:g} up to, but not, {high:g}" if below else f"{low:g} to {high:g}"
+    percent = "probably percent; divide by 100" if high == 1.0 and 1.0 < value <= 100.0 else ""
+    text = "; ".join(words for words in (percent, hint) if words)
+    raise UsageError(f"{name} {value:g}; allowed: {allowed}", hint=text)
 
 
 def together(*steps: Callable[[], Any]) -> list[Any]:
@@ -133,4 +187,7 @@ class CaseError(ResilienceError):
         self.args = (self.mistakes, subject)
 
     def __str__(self) -> str:
-        return "\n\n".join([f"{self.message}:", *map(str, self.mistakes)])
+        more = len(self.mistakes) - MAX_LISTED
+        rest_of_them = [f"and {more} more; mend these first"] if more > 0 else []
+        listed = map(str, self.mistakes[:MAX_LISTED])
+        return "\n\n".join([f"{self.message}:", *listed, *rest_of_them])

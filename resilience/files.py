@@ -13,14 +13,14 @@ import shutil
 import sys
 import tempfile
 import time
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from resilience.errors import FileError, UsageError
+from resilience.errors import FileError, ResilienceError, UsageError
 
+MAX_WORDS = 200
+"""Characters of what a library says of a damaged file."""
 PICTURE_SUFFIXES = (".png", ".pdf", ".svg")
 HIDDEN = ".resilience-"
 """How names of folders begin that hold what is not in its place yet."""
@@ -236,11 +236,9 @@ def replacing_file(path: Path) -> Iterator[Path]:
             sync(target.parent)
 
 
-DAMAGED = (
-    zipfile.BadZipFile, zlib.error, EOFError, ValueError, TypeError, KeyError, IndexError,
-    AttributeError, NotImplementedError, OverflowError, MemoryError, OSError,
-)  # fmt: skip
-"""What reading a file of data raises where some of its bytes are others."""
+DAMAGED = (Exception,)
+"""What libraries raise where some bytes of a file are others: zlib.error, SyntaxError, TokenError,
+RecursionError, MemoryError and whatever else."""
 
 
 @contextmanager
@@ -256,8 +254,12 @@ def reading(path: Path, contents: str = "trajectory") -> Iterator[None]:
     """
     try:
         yield
+    except ResilienceError:
+        raise
     except DAMAGED as error:
+        text = " ".join(str(error).split())
+        text = text if len(text) <= MAX_WORDS else f"{text[:MAX_WORDS]} ..."
         raise UsageError(
-            f"{path} holds no {contents}: {type(error).__name__}: {error}",
+            f"{path} holds no {contents}: {type(error).__name__}: {text}",
             hint="it is damaged or of another kind; run the command again that wrote it",
         ) from error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from resilience.case.document import Document
 from resilience.case.outages import outage_texts, parse_outages
 from resilience.case.schema import DEVICES, PVTable, Table
 from resilience.case.window import Window
-from resilience.errors import UsageError
+from resilience.errors import UsageError, did_you_mean, shortened
 
 _HORIZON = ("start", "slots", "step_min")
 _TABLES = {"outage", "geography", "storm"}
@@ -36,20 +36,20 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
     """
     lists = {*DEVICES, "line"}
     replaceable = {*_HORIZON, *_HEAD, *lists, *_TABLES, "profiles", "outages"}
-    for key in changes.keys() - replaceable:
-        hint = "it can replace " + ", ".join(sorted(replaceable))
+    for key in [key for key in changes if key not in replaceable]:
+        hint = did_you_mean(key, sorted(replaceable), max_listed=len(replaceable))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
     data = copy.deepcopy(case.source)
     data.pop("outages", None)
     data |= {key: changes[key] for key in _HEAD if key in changes}
     for kind in lists & changes.keys():
-        data[kind] = [plain(table) for table in changes[kind]]
+        data[kind] = _stated(kind, changes[kind])
         data.get("defaults", {}).pop(kind, None)
     for key in changes.keys() & _TABLES:
-        data[key] = None if changes[key] is None else plain(changes[key])
+        value = changes[key]
+        data[key] = plain(value) if isinstance(value, Table) else value
     if "profiles" in changes:
-        columns = {name: [float(v) for v in values] for name, values in changes["profiles"].items()}
-        data["profiles"] = {"columns": columns}
+        data["profiles"] = {"columns": _columns(changes["profiles"])}
     elif any(key in changes for key in _HORIZON):
         _shift_columns(case, data, changes)
     data["time"] = {key: changes.get(key, getattr(case, key)) for key in _HORIZON}
@@ -64,9 +64,49 @@ def plain(table: Table) -> dict[str, Any]:
 
     A profile that the storm's cloud reduces is written as it is in a clear sky: the cloud follows.
     """
+    return _bare(table).model_dump(by_alias=True, exclude_none=True, warnings=False)
+
+
+def _bare(table: Table) -> Table:
     if isinstance(table, PVTable):
-        table = table.model_copy(update={"profile": bare_profile(table.profile)})
-    return table.model_dump(by_alias=True, exclude_none=True)
+        return table.model_copy(update={"profile": bare_profile(table.profile)})
+    return table
+
+
+def _stated(kind: str, tables: object) -> list[dict[str, Any]]:
+    """Tables as plain data, without what follows from other keys.
+
+    Raises:
+        UsageError: they are no tables.
+    """
+    entries = list(tables) if isinstance(tables, Iterable) else [tables]
+    sound = [table for table in entries if isinstance(table, Table)]
+    if len(sound) < len(entries):
+        raise UsageError(
+            f"{kind} of a case: {shortened(repr(entries))}; allowed: tables, as case.{kind} has",
+            hint=f"case.with_{kind}(NAME, key=value) changes one of them",
+        )
+    return [
+        _bare(table).model_dump(
+            by_alias=True, exclude_none=True, exclude_unset=True, warnings=False
+        )
+        for table in sound
+    ]
+
+
+def _columns(profiles: Mapping[str, Iterable[float]]) -> dict[str, list[float]]:
+    """Profiles as a case file has them.
+
+    Raises:
+        UsageError: they are no numbers.
+    """
+    try:
+        return {name: [float(v) for v in values] for name, values in profiles.items()}
+    except (TypeError, ValueError, AttributeError) as error:
+        raise UsageError(
+            f"profiles of a case: {error}; allowed: names with a number per slot",
+            hint='{"demand": [0.5, 0.7, ...]}',
+        ) from None
 
 
 def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) -> None:
@@ -74,7 +114,9 @@ def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) ->
     columns = data.get("profiles", {}).get("columns", {})
     if not columns:
         return
-    start: datetime = changes.get("start", case.start)
+    start = changes.get("start", case.start)
+    if not isinstance(start, datetime) or start.tzinfo is not None:
+        return  # the horizon is refused
     offset = (start - case.start) / timedelta(minutes=case.step_min)
     step_min = changes.get("step_min", case.step_min)
     if step_min != case.step_min or offset < 0 or offset != int(offset):
@@ -87,13 +129,23 @@ def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) ->
 
 
 def _outages(
-    old: Case, new: Case, replacement: str | Path | Iterable[Outage] | None
+    old: Case, new: Case, replacement: str | Path | Iterable[Outage | str] | None
 ) -> tuple[Outage, ...]:
     if replacement is None:
         return _moved(old.outages, old.window, new.window)
     if isinstance(replacement, str | Path):
         return parse_outages(replacement, new)
-    outages = tuple(replacement)
+    if isinstance(replacement, Outage):
+        replacement = (replacement,)
+    entries = tuple(replacement)
+    if texts := [entry for entry in entries if isinstance(entry, str)]:
+        return parse_outages(texts, new)
+    outages = tuple(entry for entry in entries if isinstance(entry, Outage))
+    if len(outages) < len(entries):
+        raise UsageError(
+            f"{len(entries)} outages, not all of them such; allowed: `Outage`, or texts",
+            hint='outages=["6-26@14:00-17:30"]',
+        )
     for outage in outages:
         new.network.line(outage.line)
         if not 0 <= outage.first < outage.stop <= new.slots:

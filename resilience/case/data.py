@@ -27,7 +27,7 @@ from resilience.case.schema import (
     StormTable,
 )
 from resilience.case.window import Window
-from resilience.errors import UsageError
+from resilience.errors import UsageError, did_you_mean
 
 AnyDevice = TypeVar("AnyDevice", bound=DeviceTable)
 
@@ -192,6 +192,54 @@ class Case:
         lines = {line.name: line for line in self.line}
         changed = lines.get(name, LineTable(name=name)).model_copy(update=changes)
         return self.rebuild(self, {"line": [*(lines | {name: changed}).values()]})
+
+    def with_ess(self, name: str, **changes: Any) -> Case:
+        """A copy with other values for one storage: `case.with_ess("ess1", e_mwh=3.0)`.
+
+        Takes the keys of `[[ess]]`; raises as `with_device`.
+        """
+        return self.with_device("ess", name, **changes)
+
+    def with_load(self, name: str, **changes: Any) -> Case:
+        """A copy with other values for one load, keys of `[[load]]`; raises as `with_device`."""
+        return self.with_device("load", name, **changes)
+
+    def with_generator(self, name: str, **changes: Any) -> Case:
+        """A copy with other values of a `[[generator]]`; raises as `with_device`."""
+        return self.with_device("generator", name, **changes)
+
+    def with_pv(self, name: str, **changes: Any) -> Case:
+        """A copy with other values for one plant, keys of `[[pv]]`; raises as `with_device`."""
+        return self.with_device("pv", name, **changes)
+
+    def with_grid(self, name: str = "grid", **changes: Any) -> Case:
+        """A copy with other values for one `[[grid]]`; raises as `with_device`."""
+        return self.with_device("grid", name, **changes)
+
+    def with_device(self, kind: str, name: str, /, **changes: Any) -> Case:
+        """A copy with other values for one device; the result is checked as a case file is.
+
+        What the file does not state and another key gives, as `p_min_mw` of a storage, follows.
+
+        Args:
+            kind: key of its tables, as `ess`.
+            name: of the device.
+            changes: values by key of the table.
+
+        Raises:
+            UsageError: no such kind, device or key.
+            CaseError: the result is no valid case; all mistakes are listed.
+        """
+        if kind not in self.devices:
+            raise UsageError(f"no kind of device is called {kind!r}", did_you_mean(kind, DEVICES))
+        names = [device.name for device in self.devices[kind]]
+        if name not in names:
+            raise UsageError(f"the case has no [[{kind}]] {name!r}", did_you_mean(name, names))
+        tables = [
+            device.model_copy(update=changes) if device.name == name else device
+            for device in self.devices[kind]
+        ]
+        return self.rebuild(self, {kind: tables})
 
     def equals(self, other: Case) -> bool:
         """Whether both cases mean the same, whatever files they came from."""

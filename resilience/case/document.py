@@ -9,12 +9,24 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from resilience.case.networks.network import did_you_mean
 from resilience.case.schema import DEVICES
-from resilience.errors import Mistake, UsageError
+from resilience.errors import Mistake, UsageError, did_you_mean, shortened
+from resilience.inputs import (
+    InputFileError,
+    MissingFileError,
+    case_folder,
+    checked_path,
+    read_text,
+    shown_name,
+)
 
 _SOURCES = ("pandapower", "file", "bus", "line")
-_PACKAGE = Path(__file__).parent.parent
+_BEGINNINGS = ("extends", "network", "time")
+"""Every case has one of these; a file without them is another file, and is not quoted."""
+_MAX_CHAIN = 50  # of cases that extend each other
+_MAX_PARTS = 100  # of a dotted key; tomllib takes seconds for thousands
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
+_LONG_KEY = re.compile(rf"(?<![\w-])(?:{_PART}\.[ \t]*){{{_MAX_PARTS}}}")
 
 TomlTable = dict[str, object]
 """A table of a case file as it was read: nobody has checked what its values are."""
@@ -53,10 +65,18 @@ class Document:
         table = section.get(kind) if isinstance(section, dict) else None
         return table if isinstance(table, dict) else {}
 
-    def add_findings(self, where: Place, table: str, findings: Iterable[Finding]) -> None:
-        """Notes what is wrong with the table at `where`, each finding at its own key."""
+    def add_findings(
+        self, where: Place, table: str, findings: Iterable[Finding], file: str = ""
+    ) -> None:
+        """Notes what is wrong with the table at `where`, each finding at its own key.
+
+        Where it stands in a file that the table names, `file` says so.
+        """
         for key, value, allowed, hint in findings:
-            self.add((*where, key), table, key, value, allowed, hint)
+            if file:
+                self.mistakes.append(Mistake(file, table, key, value, allowed, hint))
+            else:
+                self.add((*where, key), table, key, value, allowed, hint)
 
     def add(self, where: Place, table: str, key: str, value: str, allowed: str, hint: str) -> None:
         """Notes one mistake; `where` is the place of its key in the data.
@@ -92,12 +112,6 @@ def shown(path: Path | None) -> str:
         return str(path)
 
 
-def case_folder() -> Path:
-    """The folder of the cases that come with the package, or with a source checkout."""
-    installed = _PACKAGE / "_cases"
-    return installed if installed.is_dir() else _PACKAGE.parent / "cases"
-
-
 def case_names() -> list[str]:
     """Names of the cases that come with the package: `ieee33`, `analytic/island`."""
     folder = case_folder()
@@ -112,22 +126,30 @@ def find_case(ref: str | os.PathLike[str], beside: Path | None = None) -> Path:
     """
     path = Path(ref)
     local = path if beside is None else beside / path
+    refusals = []
     for candidate in (local, case_folder() / f"{ref}.toml", Path(f"{local}.toml")):
-        if candidate.is_file():
-            return candidate
+        try:
+            return checked_path(candidate)
+        except MissingFileError:
+            pass
+        except InputFileError as error:
+            refusals.append(error)
+    if refusals:
+        raise refusals[0]
+    name = shown_name(path)
     if path.suffix == ".toml":
         raise UsageError(
-            f"case file {path} does not exist",
+            f"case file {name} does not exist",
             "give a path or one of the names: " + ", ".join(case_names()),
         )
     raise UsageError(
-        f"case {str(ref)!r} does not exist", did_you_mean(str(ref), case_names(), max_listed=40)
+        f"case {name!r} does not exist", did_you_mean(str(ref), case_names(), max_listed=40)
     )
 
 
 def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
     """Reads a case file and merges it over the case that it extends."""
-    path = path.resolve()
+    path = checked_path(path)
     document = Document(path)
     document.data = _parse(path, document)
     _absolute_paths(document.data, path.parent)
@@ -137,16 +159,20 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
         return document
     where = ("extends",)
     try:
-        base_path = find_case(base_ref, beside=path.parent).resolve()
+        base_path = find_case(base_ref, beside=path.parent)
     except UsageError as error:
-        allowed = "the name or path of a case"
-        document.add(where, "", "extends", repr(base_ref), allowed, error.hint)
+        value, allowed = shortened(repr(base_ref)), "the name or path of a case"
+        document.add(where, "", "extends", value, allowed, error.hint)
         return document
     chain = (*chain, path)
     if base_path in chain:
         loop = " -> ".join(p.stem for p in (*chain, base_path))
         hint = "remove `extends` from one of these files"
         document.add(where, "", "extends", loop, "a chain that ends", hint)
+        return document
+    if len(chain) > _MAX_CHAIN:
+        value, hint = f"{len(chain)} cases, each on the next", "put some of them into one file"
+        document.add(where, "", "extends", value, f"{_MAX_CHAIN} at most", hint)
         return document
     base = read_document(base_path, chain)
     return Document(
@@ -158,29 +184,51 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
 
 
 def _parse(path: Path, document: Document) -> TomlTable:
+    """The tables of a file; mistakes are noted. What is no case is not quoted."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        document.add((), "", "", str(error), "a text file in UTF-8", "case files are TOML text")
+        text = read_text(path)
+    except InputFileError as error:
+        wrong = error.mistake
+        value = f"{wrong.value} in {wrong.table}" if wrong.table else wrong.value
+        document.add((), "", "", value, "a text file in UTF-8", "case files are TOML text")
         return {}
     try:
-        return tomllib.loads(text)
+        if long_key := _LONG_KEY.search(text):
+            raise tomllib.TOMLDecodeError(
+                f"A key of {_MAX_PARTS} parts or more (at line "
+                f"{text.count(chr(10), 0, long_key.start()) + 1}, column 1)"
+            )
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        message = str(error)
-    place = re.search(r"\(at line (\d+), column (\d+)\)", message)
-    lines = text.splitlines()
-    line = int(place[1]) if place else len(lines)
-    column = f"column {place[2]}" if place else "end of file"
-    value = lines[line - 1].strip() if 0 < line <= len(lines) else "end of file"
-    document.add((), f"line {line}", column, value, "TOML", message.split(" (at ", 1)[0])
+        _add_decode_error(document, text, str(error))
+    except (RecursionError, ValueError) as error:
+        value = "too deep" if isinstance(error, RecursionError) else "a number of too many digits"
+        document.add((), "", "", value, "TOML", "is it a case file?")
+    else:
+        if not data or any(key in data for key in _BEGINNINGS):
+            return data
+        value, hint = "none of them", "is it a case file?"
+        document.add((), "", "", value, "[network] and [time], or extends", hint)
     return {}
+
+
+def _add_decode_error(document: Document, text: str, message: str) -> None:
+    """Notes where a text is no TOML; the line is quoted where the rest of it is a case."""
+    place = re.search(r"\(at line (\d+), column (\d+)\)", message)
+    lines = text.split("\n")
+    line = int(place[1]) if place else max(len(lines) - (not lines[-1]), 1)
+    column = f"column {place[2]}" if place else "end of file"
+    begins = re.search(rf"^\s*\[*({'|'.join(_BEGINNINGS)})\b", text, re.MULTILINE)
+    is_case = document.path is not None and document.path.suffix == ".toml" and begins
+    value = shortened(lines[line - 1].strip() or "end of file") if is_case else "something else"
+    document.add((), f"line {line}", column, value, "TOML", message.split(" (at ", 1)[0])
 
 
 def _absolute_paths(data: TomlTable, folder: Path) -> None:
     for table in ("network", "profiles"):
         section = data.get(table)
         if isinstance(section, dict) and isinstance(section.get("file"), str):
-            section["file"] = str((folder / section["file"]).resolve())
+            section["file"] = os.path.abspath(folder / section["file"])
 
 
 def _places(value: object, where: Place = ()) -> Iterator[Place]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from resilience.case.document import Document
-from resilience.case.networks.network import did_you_mean
 from resilience.case.reading import read_list, show
 from resilience.case.schema import BranchTable, BusTable
+from resilience.errors import did_you_mean
 
 _BUS, _LINE = ("network", "bus"), ("network", "line")
 

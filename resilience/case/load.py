@@ -16,10 +16,9 @@ from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
-from resilience.case.document import Document, Place, TomlTable, find_case, read_document
+from resilience.case.document import Document, Finding, Place, TomlTable, find_case, read_document
 from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.network import did_you_mean
 from resilience.case.networks.read import cables, finish_network, read_feeder
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.profiles import read_profiles
@@ -39,8 +38,8 @@ from resilience.case.schema import (
     defaults_table,
 )
 from resilience.case.tariff import tariff_profiles
-from resilience.case.window import Window
-from resilience.errors import CaseError
+from resilience.case.window import DAY_MIN, FIRST_YEAR, LAST_YEAR, Window
+from resilience.errors import CaseError, did_you_mean
 
 
 def load_case(ref: str | os.PathLike[str]) -> Case:
@@ -131,7 +130,7 @@ def _rebuild(case: Case, changes: dict[str, Any]) -> Case:
 
 def _read_head(document: Document) -> HeadTable:
     table = case_table()
-    for key in document.data.keys() - table.model_fields.keys():
+    for key in [key for key in document.data if key not in table.model_fields]:
         document.add((key,), "", key, *unknown_key(table, key))
     data = document.data.items()
     raw = {key: value for key, value in data if key in HeadTable.model_fields}
@@ -178,13 +177,28 @@ def _read_window(document: Document) -> Window | None:
     if raw is None:
         return None
     table, _ = read_table(TimeTable, raw, document, "[time]", ("time",))
-    if table.start is not None and table.start.tzinfo is not None:
-        where, hint = ("time", "start"), "profiles and outages are in local time; drop the offset"
-        document.add(where, "[time]", "start", show(table.start), "a time without offset", hint)
-        return None
     if None in (table.start, table.slots, table.step_min):
         return None
-    return Window(table.start, table.slots, table.step_min)
+    window = Window(table.start, table.slots, table.step_min)
+    findings = list(_wrong_window(window))
+    document.add_findings(("time",), "[time]", findings)
+    return None if findings else window
+
+
+def _wrong_window(window: Window) -> Iterator[Finding]:
+    """What is wrong with a horizon whose keys are sound."""
+    if window.start.tzinfo is not None:
+        hint = "profiles and outages are in local time; drop the offset"
+        yield "start", show(window.start), "a time without offset", hint
+    years = window.slots * window.step_min / (365.25 * DAY_MIN)
+    first, last = window.start.year, window.start.year + years
+    if not (first >= FIRST_YEAR and last <= LAST_YEAR):
+        value = f"{show(window.start)} and {years:.3g} years from then"
+        allowed, hint = (
+            f"a horizon in {FIRST_YEAR} to {LAST_YEAR}",
+            "slots * step_min is its length",
+        )
+        yield "start", value, allowed, hint
 
 
 def _read_network(parts: Parts) -> None:
@@ -230,7 +244,8 @@ def _read_profiles(parts: Parts) -> dict[str, Floats]:
     powers = {name for _, _, key, name in uses if key == "profile"}
     prices = {name: name not in powers for *_, name in uses}
     arrays, names, findings = read_profiles(table.file, table.columns or {}, parts.window, prices)
-    document.add_findings(("profiles",), "[profiles]", findings)
+    for file, finding in findings:
+        document.add_findings(("profiles",), "[profiles]", [finding], file)
     for where, title, key, name in uses:
         if sound and names is not None and name not in names:
             hint = did_you_mean(name, sorted(names)) if names else "add [profiles] with a file"

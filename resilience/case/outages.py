@@ -6,9 +6,8 @@ calendar day) or a full date and time. `24:00` is midnight at the end of a day.
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, time, timedelta
 from pathlib import Path
@@ -17,11 +16,13 @@ from typing import Protocol
 from resilience.case.data import Outage
 from resilience.case.networks.network import Network
 from resilience.case.window import Window
-from resilience.errors import CaseError, Mistake, UsageError
+from resilience.errors import CaseError, Mistake, shortened
+from resilience.inputs import read_table
 
 _TIME = r"(?:\d{4}-\d\d-\d\d[T ]|d\d+ )?\d{1,2}:\d\d(?::\d\d)?"
-_SPEC = re.compile(rf"\s*(?P<line>.+?)\s*@\s*(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})\s*")
-_CLOCK = re.compile(r"(?:d(?P<day>\d+) )?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?")
+_TIMES = re.compile(rf"(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})", re.ASCII)
+_CLOCK = re.compile(r"(?:d(?P<day>\d{1,9}) )?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?", re.ASCII)
+_COLUMNS = ("line", "start", "stop")
 _FORM = "LINE@START-STOP, as in 6-26@14:00-17:30"
 
 
@@ -60,15 +61,20 @@ class _TimeError(Exception):
     """What is wrong with the times of an outage: `(allowed, hint)`."""
 
 
-def parse_outages(text: str | Path, case: HasHorizon) -> tuple[Outage, ...]:
+def parse_outages(text: str | Path | Sequence[str], case: HasHorizon) -> tuple[Outage, ...]:
     """Outages for a case from text (comma or semicolon separated), a CSV file, or `none`.
+
+    A list of texts, as a case file has it, is taken, too.
 
     Raises:
         CaseError: every mistake in them.
-        UsageError: the file does not exist.
+        UsageError: the file cannot be read; the row is named.
     """
-    if isinstance(text, Path) or text.strip().lower().endswith(".csv"):
-        specs, mistakes = _read_csv(Path(text))
+    if not isinstance(text, str | Path):
+        specs, mistakes = split_specs(text, "outages", "outages")
+        file = "outages"
+    elif isinstance(text, Path) or text.strip().lower().endswith(".csv"):
+        specs, mistakes = _read_csv(Path(str(text).strip()))
         file = str(text)
     elif text.strip().lower() in ("", "none"):
         return ()
@@ -87,33 +93,31 @@ def split_specs(
     """Outages as written, split into their parts, and mistakes: those that have another form."""
     specs, mistakes = [], []
     for number, text in enumerate(texts, start=1):
-        match = _SPEC.fullmatch(text)
-        if match is None:
-            hint = "write the line's name, @, and two times as HH:MM"
-            mistakes.append(Mistake(file, table, f"#{number}", repr(text), _FORM, hint))
+        line, _, times = text.strip().rpartition("@")
+        match = _TIMES.fullmatch(times.strip())
+        if match is None or not line.strip():
+            hint, value = "write the line's name, @, and two times as HH:MM", shortened(repr(text))
+            mistakes.append(Mistake(file, table, f"#{number}", value, _FORM, hint))
         else:
-            specs.append(WrittenOutage(f"{table} #{number}", text.strip(), **match.groupdict()))
+            where = f"{table} #{number}"
+            specs.append(WrittenOutage(where, text.strip(), line.strip(), *match.groups()))
     return specs, mistakes
 
 
 def _read_csv(path: Path) -> tuple[list[WrittenOutage], list[Mistake]]:
-    if not path.is_file():
-        raise UsageError(f"outage file {path} does not exist", "columns: line, start, stop")
-    with path.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.DictReader(stream)
-        missing = [c for c in ("line", "start", "stop") if c not in (reader.fieldnames or ())]
-        if missing:
-            value = ", ".join(reader.fieldnames or ()) or "no columns"
-            allowed, hint = "line, start, stop", "the first row of the file names the columns"
-            return [], [Mistake(str(path), "header", missing[0], value, allowed, hint)]
-        return [
-            WrittenOutage(
-                f"row {reader.line_num}",
-                f"{r['line']}@{r['start']}-{r['stop']}",
-                *((r[c] or "").strip() for c in ("line", "start", "stop")),
-            )
-            for r in reader
-        ], []
+    table = read_table(path, is_padded=True)
+    if missing := [column for column in _COLUMNS if column not in table.columns]:
+        value = shortened(", ".join(table.columns)) or "no columns"
+        allowed, hint = ", ".join(_COLUMNS), "the first row of the file names the columns"
+        return [], [Mistake(table.name, "header", missing[0], value, allowed, hint)]
+    return [
+        WrittenOutage(
+            f"row {number}",
+            f"{row['line']}@{row['start']}-{row['stop']}",
+            *(row[column] for column in _COLUMNS),
+        )
+        for number, row in zip(table.numbers, table.records(), strict=True)
+    ], []
 
 
 def place_outages(
@@ -127,14 +131,16 @@ def place_outages(
     for spec in specs:
         if network is not None and not network.has_line(spec.line):
             allowed, hint = "a line of the network", network.line_hint(spec.line)
-            mistakes.append(Mistake(file, spec.where, "line", repr(spec.line), allowed, hint))
+            value = shortened(repr(spec.line))
+            mistakes.append(Mistake(file, spec.where, "line", value, allowed, hint))
         if window is None:
             continue
         try:
             first, stop = _slots(spec, window)
         except _TimeError as error:
             allowed, hint = error.args
-            mistakes.append(Mistake(file, spec.where, "", repr(spec.text), allowed, hint))
+            value = shortened(repr(spec.text))
+            mistakes.append(Mistake(file, spec.where, "", value, allowed, hint))
         else:
             outages.append(Outage(spec.line, first, stop))
     return tuple(outages), mistakes
@@ -157,7 +163,7 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
     match = _CLOCK.fullmatch(text)
     try:
         if match is None:
-            return datetime.fromisoformat(text)
+            return _local(datetime.fromisoformat(text))
         hours, minutes, seconds = (int(match[k] or 0) for k in "hms")
         if (hours, minutes, seconds) > (24, 0, 0) or minutes > 59 or seconds > 59:
             raise ValueError
@@ -167,12 +173,29 @@ def _time(text: str, window: Window, after: datetime | None) -> datetime:
     midnight = window.start.replace(hour=0, minute=0, second=0, microsecond=0)
     clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
     if match["day"] is not None:
-        return midnight + timedelta(days=int(match["day"]) - 1) + clock
+        return _on_day(midnight + clock, int(match["day"]), window)
     if after is not None and window.longer_than_a_day:
         return after.replace(hour=0, minute=0, second=0, microsecond=0) + clock
     when = midnight + clock
     too_early = when <= window.start if after is not None else when < window.start
     return when + timedelta(days=1) if too_early else when
+
+
+def _local(when: datetime) -> datetime:
+    """A time without a zone; with one, it is refused."""
+    if when.tzinfo is not None:
+        allowed, hint = "a time without offset", "outages are in the case's local time"
+        raise _TimeError(allowed, hint)
+    return when
+
+
+def _on_day(when: datetime, day: int, window: Window) -> datetime:
+    """A time of the first day as that of another day, 1 for the first."""
+    try:
+        return when + timedelta(days=day - 1)
+    except OverflowError:
+        allowed, hint = f"times within the horizon, {window}", "d2 is its second day"
+        raise _TimeError(allowed, hint) from None
 
 
 def outage_texts(outages: Iterable[Outage], window: Window) -> list[str]:

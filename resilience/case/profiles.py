@@ -2,26 +2,33 @@
 
 A profile file is CSV (also `.csv.gz`) or Parquet. Its first column is `time`, the start of each
 slot as ISO date and time without a zone; every other column is one profile, in per unit of the
-peak of the device that names it. The step of the file must be the step of the case.
+peak of the device that names it. The step of the file must be the step of the case. CSV files with
+semicolons and decimal commas are read, too.
 """
 
 from __future__ import annotations
 
-import csv
-import gzip
-import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from decimal import Decimal
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from resilience.arrays import Floats, Times
+from resilience.arrays import Floats, Ints, Times
 from resilience.case.document import Finding
 from resilience.case.window import Window
+from resilience.errors import UsageError, shortened
+from resilience.files import reading
+from resilience.inputs import InputFileError, checked_path, read_table, shown_name, to_number
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Cell = str | float | None
 """Of a column: text in a CSV file, a number or nothing in Parquet."""
@@ -30,7 +37,7 @@ MAX_PU = 2.0
 """Most that a profile of a device may ask for, per unit of its peak."""
 
 
-class ProfileError(Exception):
+class ProfileError(UsageError):
     """A profile file that cannot be read or does not fit.
 
     Args:
@@ -41,8 +48,8 @@ class ProfileError(Exception):
     """
 
     def __init__(self, key: str, value: str, allowed: str, hint: str) -> None:
-        super().__init__(key, value, allowed, hint)
-        self.finding = (key, value, allowed, hint)
+        super().__init__(f"profiles, {key}: {value}; allowed: {allowed}", hint)
+        self.finding = self.args = (key, value, allowed, hint)
 
 
 @dataclass
@@ -50,19 +57,49 @@ class ProfileFile:
     """The columns of one file, turned into numbers when asked for.
 
     Attributes:
+        path: of the file.
         times: (rows,) when each slot starts, without a zone.
         raw: the cells of every other column by name, (rows,) each.
+        rows: (rows,) the line of a CSV file in which each row stands, from 1; else empty.
+        number: what the text of a cell states; None where that is no number.
     """
 
+    path: Path
     times: Times
     raw: Mapping[str, Sequence[Cell]]
+    rows: Sequence[int] = ()
+    number: Callable[[str], float | None] = to_number
     _numbers: dict[str, Floats] = field(default_factory=dict)
+
+    def place(self, k: int) -> str:
+        """Where row `k`, from 0, stands in the file."""
+        return f"row {self.rows[k]}" if self.rows else f"data row {k + 1}"
 
     def column(self, name: str) -> Floats:
         """A column as floats, (rows,); empty cells are NaN."""
         if name not in self._numbers:
-            self._numbers[name] = _to_numbers(name, self.raw[name])
+            self._numbers[name] = self._to_numbers(name)
         return self._numbers[name]
+
+    def _to_numbers(self, name: str) -> Floats:
+        cells = self.raw[name]
+        if self.number is to_number and all(isinstance(cell, str) for cell in cells):
+            text = "".join(map(str, cells))
+            with suppress(ValueError):  # row by row where a cell is empty or wrong
+                if text.isascii() and "_" not in text:
+                    return np.array(cells).astype(np.float64)
+        numbers = np.full(len(cells), np.nan)
+        for row, cell in enumerate(cells):
+            if isinstance(cell, int | float | Decimal) and not isinstance(cell, bool):
+                numbers[row] = cell
+            elif cell is not None and cell != "":
+                number = self.number(cell) if isinstance(cell, str) else None
+                if number is None:
+                    value = f"{shortened(repr(cell))} in {self.place(row)}"
+                    hint = "decimals take a point, or a comma throughout between semicolons"
+                    raise ProfileError(name, value, "a number", hint)
+                numbers[row] = number
+        return numbers
 
 
 def read_profile_file(path: Path) -> ProfileFile:
@@ -71,11 +108,14 @@ def read_profile_file(path: Path) -> ProfileFile:
     Raises:
         ProfileError: it cannot be read.
     """
-    if not path.is_file():
-        hint = "paths start at the case file's folder"
-        raise ProfileError("file", str(path), "a file that exists", hint)
-    stat = path.stat()
-    return _read(path, stat.st_mtime_ns, stat.st_size)
+    try:
+        file = checked_path(path)
+        stat = file.stat()
+        return _read(file, stat.st_mtime_ns, stat.st_size)
+    except InputFileError as error:
+        wrong = error.mistake
+        value = f"{wrong.value} in {wrong.table}" if wrong.table else f"{path} {wrong.value}"
+        raise ProfileError("file", value, wrong.allowed, wrong.hint) from None
 
 
 @lru_cache(maxsize=16)
@@ -88,107 +128,100 @@ def _read(path: Path, _mtime: int, _size: int) -> ProfileFile:
 
 
 def _read_csv(path: Path) -> ProfileFile:
-    data = path.read_bytes()
-    try:
-        text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8-sig")
-    except (OSError, EOFError, UnicodeDecodeError) as error:
-        hint = f"the file is damaged: {error}"
-        raise ProfileError("file", path.name, "UTF-8 text", hint) from None
-    rows = [r for r in csv.reader(io.StringIO(text)) if r and not r[0].startswith("#")]
-    if not rows or rows[0][0].strip() != "time":
-        value = repr(rows[0][0]) if rows else "an empty file"
+    table = read_table(path)
+    if not table.columns or table.columns[0] != "time":
+        value = shortened(repr(table.columns[0])) if table.columns else "an empty file"
         hint = "name the column of times `time`"
         raise ProfileError("file", value, "`time` as the first column", hint)
-    names = [name.strip() for name in rows[0]]
-    for number, row in enumerate(rows[1:], start=1):
-        if len(row) != len(names):
-            value = f"{len(row)} cells in data row {number}"
-            allowed = f"{len(names)}, as the header"
-            hint = "a comma is missing or too many; decimals take a point"
-            raise ProfileError("file", value, allowed, hint)
-    cells = zip(*rows[1:], strict=True) if len(rows) > 1 else [()] * len(names)
-    columns: dict[str, tuple[str, ...]] = dict(zip(names, cells, strict=True))
-    return ProfileFile(_to_times(columns.pop("time")), columns)
+    columns = {name: table.cells(name) for name in table.columns if name}
+    times = _to_times(columns.pop("time"), [f"row {number}" for number in table.numbers])
+    return ProfileFile(path, times, columns, table.numbers, table.number)
 
 
 def _read_parquet(path: Path) -> ProfileFile:
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
-    except (pa.ArrowException, OSError) as error:
-        hint = f"the file is damaged: {error}"
-        raise ProfileError("file", path.name, "a Parquet file", hint) from None
-    if "time" not in table.column_names:
-        names = ", ".join(table.column_names)
-        raise ProfileError("file", names, "a column `time`", "name the column of times `time`")
-    times = table.column("time")
-    if pa.types.is_timestamp(times.type) and times.type.tz is None:
-        stamps = times.cast(pa.timestamp("s")).to_numpy().astype("datetime64[s]")
-    else:
-        stamps = _to_times(tuple(map(str, times.to_pylist())))
-    columns = [name for name in table.column_names if name != "time"]
-    return ProfileFile(stamps, {name: table.column(name).to_pylist() for name in columns})
+        with reading(path, "Parquet table"):
+            table = pq.read_table(path)
+            names = table.column_names
+            cells = {name: table.column(name).to_pylist() for name in names if name != "time"}
+            stamps = _stamps(table.column("time")) if "time" in names else ()
+    except UsageError as error:
+        raise ProfileError("file", path.name, "a Parquet file", error.hint) from None
+    if "time" not in names:
+        value = shortened(", ".join(cells), 200)
+        raise ProfileError("file", value, "a column `time`", "name the column of times `time`")
+    places = [f"data row {k + 1}" for k in range(len(stamps))]
+    if not isinstance(stamps, np.ndarray):
+        return ProfileFile(path, _to_times(stamps, places), cells)
+    if (missing := np.isnat(stamps)).any():
+        value, hint = f"nothing in {places[int(missing.argmax())]}", "leave the row out"
+        raise ProfileError("time", value, "a date and time", hint)
+    return ProfileFile(path, stamps.astype("datetime64[s]"), cells)
 
 
-def _to_times(texts: Sequence[str]) -> Times:
+def _stamps(column: pa.ChunkedArray) -> Times | Sequence[str]:
+    """The times of a Parquet file; as text where they have a zone or are none."""
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(column.type) and column.type.tz is None:
+        return cast(Times, column.cast(pa.timestamp("s"), safe=False).to_numpy())
+    return tuple(map(str, column.to_pylist()))
+
+
+def _to_times(texts: Sequence[str], places: Sequence[str]) -> Times:
     stamps = []
-    for row, text in enumerate(texts, start=1):
+    for text, place in zip(texts, places, strict=True):
         try:
             stamp = datetime.fromisoformat(text.strip())
         except ValueError:
             stamp = None
         if stamp is None or stamp.tzinfo is not None:
-            value = f"{text!r} in data row {row}"
+            value = f"{shortened(repr(text))} in {place}"
             hint = "write local times as 2016-07-12 14:30"
             raise ProfileError("time", value, "ISO date and time without a zone", hint)
         stamps.append(stamp)
     return np.array(stamps, dtype="datetime64[s]")
 
 
-def _to_numbers(name: str, cells: Sequence[Cell]) -> Floats:
-    try:
-        return np.array([np.nan if c is None else c for c in cells]).astype(np.float64)
-    except ValueError:
-        pass
-    numbers = np.full(len(cells), np.nan)
-    for row, cell in enumerate(cells):
-        if cell is None or not str(cell).strip():
-            continue
-        try:
-            numbers[row] = float(cell)
-        except ValueError:
-            value, hint = f"{cell!r} in data row {row + 1}", "decimals take a point"
-            raise ProfileError(name, value, "a number", hint) from None
-    return numbers
-
-
-def find_window(file: ProfileFile, window: Window) -> slice:
+def find_window(file: ProfileFile, window: Window) -> Ints:
     """The rows that cover the horizon.
 
     Raises:
-        ProfileError: none do exactly.
+        ProfileError: none do exactly, or a time of the horizon is there twice.
     """
     times, start = file.times, np.datetime64(window.start)
     _check_step(times, window)
-    first = int(np.searchsorted(times, start))
-    if first == len(times) or times[first] != start:
+    if not (times == start).any():
         value = f"rows from {times[0]} to {times[-1]}".replace("T", " ")
         hint = "move [time] start, or use other data"
         raise ProfileError("file", value, f"a row at {window.start}", hint)
-    if first + window.slots > len(times):
-        value = f"{len(times) - first} rows from {window.start} to {times[-1]}".replace("T", " ")
+    rows = np.flatnonzero((times >= start) & (times < np.datetime64(window.stop)))
+    _check_once(file, rows)
+    step = timedelta(minutes=window.step_min)
+    for row, (earlier, later) in zip(rows[1:], pairwise(times[rows].tolist()), strict=True):
+        if later - earlier != step:
+            value = f"{later} after {earlier}, {file.place(row)}"
+            allowed = f"a step of {window.step_min:g} min"
+            raise ProfileError("file", value, allowed, "fill the gap in the file, or sort it")
+    if len(rows) < window.slots:
+        value = f"{len(rows)} rows from {window.start} to {times[-1]}".replace("T", " ")
         hint = "shorten [time] slots, or use a longer file"
         raise ProfileError("file", value, f"at least slots = {window.slots}", hint)
-    rows = slice(first, first + window.slots)
-    step = timedelta(minutes=window.step_min)
-    for row, (earlier, later) in enumerate(pairwise(times[rows].tolist()), start=first + 2):
-        if later - earlier != step:
-            value = f"{later} after {earlier}, data row {row}"
-            allowed = f"a step of {window.step_min:g} min"
-            raise ProfileError("file", value, allowed, "fill the gap in the file")
     return rows
+
+
+def _check_once(file: ProfileFile, rows: Ints) -> None:
+    """Refuses times that are there twice: the hour that clocks repeat in autumn tells no slot."""
+    times = file.times[rows]
+    unique, count = np.unique(times, return_counts=True)
+    if (repeated := count > 1).any():
+        time = unique[repeated][0]
+        both = " and ".join(file.place(row) for row in rows[times == time][:2])
+        value = f"{time} in {both}".replace("T", " ")
+        hint = "the hour that clocks repeat? write times of a clock without changes, as UTC"
+        raise ProfileError("file", value, "every time of the horizon once", hint)
 
 
 def _check_step(times: Times, window: Window) -> None:
@@ -207,7 +240,7 @@ def read_profiles(
     inline: Mapping[str, Sequence[float]],
     window: Window,
     uses: Mapping[str, bool],
-) -> tuple[dict[str, Floats], set[str] | None, list[Finding]]:
+) -> tuple[dict[str, Floats], set[str] | None, list[tuple[str, Finding]]]:
     """The profiles that a case uses, and all inline ones, cut to the horizon.
 
     Args:
@@ -218,11 +251,12 @@ def read_profiles(
 
     Returns:
         The arrays, (slots,) each; the names that exist, `None` where the file cannot be read; and
-        what is wrong.
+        what is wrong, with the file that it stands in, empty where that is the case's own.
     """
     arrays: dict[str, Floats] = {}
-    findings: list[Finding] = []
+    findings: list[tuple[str, Finding]] = []
     names: set[str] | None = set(inline)
+    file_name = shown_name(path) if path else ""
     if path:
         names = None
         try:
@@ -230,19 +264,19 @@ def read_profiles(
             names = set(inline) | set(file.raw)
             rows = find_window(file, window)
             for name in sorted(uses.keys() & file.raw.keys() - inline.keys()):
-                arrays[name] = file.column(name)[rows].copy()
+                arrays[name] = file.column(name)[rows]
         except ProfileError as error:
-            findings.append(error.finding)
+            findings.append((file_name, error.finding))
     for name, values in inline.items():
         if len(values) < window.slots:
             allowed, hint = f"at least slots = {window.slots}", "give one value per slot"
-            findings.append((name, f"{len(values)} values", allowed, hint))
+            findings.append(("", (name, f"{len(values)} values", allowed, hint)))
         else:
             arrays[name] = np.array(values[: window.slots], dtype=np.float64)
     for name, array in arrays.items():
         array.setflags(write=False)
-        is_power = not uses.get(name, True)
-        findings.extend(_wrong_values(name, array, window, is_power=is_power))
+        is_power, source = not uses.get(name, True), "" if name in inline else file_name
+        findings += [(source, f) for f in _wrong_values(name, array, window, is_power=is_power)]
     return arrays, names, findings
 
 

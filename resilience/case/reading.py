@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from datetime import date
 from typing import Any, TypeVar, cast
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from resilience.case.document import Document, Finding, Place, TomlTable, entry_name
-from resilience.case.networks.network import did_you_mean
 from resilience.case.schema import DEVICES, Table
+from resilience.errors import did_you_mean, shortened
 
 T = TypeVar("T", bound=Table)
 
@@ -21,6 +23,8 @@ _ALLOWED = {
     "less_than": "less than {lt:g}",
     "less_than_equal": "{le:g} or less",
     "string_too_short": "a name that is not empty",
+    "string_too_long": "{max_length} characters at most",
+    "string_pattern_mismatch": "letters, digits and _",
     "float_type": "a number",
     "int_type": "a whole number",
     "bool_type": "true or false",
@@ -31,6 +35,10 @@ _ALLOWED = {
     "dict_type": "a table",
     "missing": "a value",
 }
+
+
+SMALLEST, LARGEST = 1e-12, 1e12
+"""Of any number of a case but 0 and those of profiles, whatever its unit."""
 
 
 def show(value: object, limit: int = 60) -> str:
@@ -44,8 +52,15 @@ def show(value: object, limit: int = 60) -> str:
     elif isinstance(value, float):
         text = f"{value:.6g}"
     else:
-        text = str(value)
-    return text if len(text) <= limit else text[: limit - 4] + " ..."
+        text = _plain_text(value)
+    return shortened(text, limit)
+
+
+def _plain_text(value: object) -> str:
+    try:
+        return str(value)
+    except (ValueError, RecursionError):  # Python writes no number of more than 4300 digits
+        return "more digits or brackets than can be written"
 
 
 def read_table(
@@ -71,7 +86,10 @@ def read_table(
         document.add(where, table, "", show(raw), "a table", hint)
         return _partial(model, {}, set()), False
     try:
-        return model.model_validate(raw), True
+        checked = model.model_validate(raw)
+        beyond = [] if model.has_any_size else list(_beyond_measure(raw))
+        document.add_findings(where, table, beyond)
+        return checked, not beyond
     except ValidationError as errors:
         bad = set()
         for error in errors.errors(include_url=False):
@@ -81,6 +99,21 @@ def read_table(
                 continue  # it follows from another key, whose mistake is noted
             document.add((*where, key), table, *_describe(model, error, raw))
         return _partial(model, raw, bad), False
+
+
+def _beyond_measure(value: object, key: str = "") -> Iterator[Finding]:
+    """Numbers that are none of anything on a feeder, in a table or in what stands in it."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _beyond_measure(inner, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, list):
+        for number, inner in enumerate(value, start=1):
+            yield from _beyond_measure(inner, f"{key}[{number}]")
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        is_plain = value not in (0, math.inf, -math.inf) and value == value  # noqa: PLR0124 nan
+        if is_plain and not SMALLEST <= abs(value) <= LARGEST:
+            allowed, hint = f"0, or {SMALLEST:g} to {LARGEST:g}", "is the unit right?"
+            yield key, show(value), allowed, hint
 
 
 def _describe(model: type[Table], error: ErrorDetails, raw: TomlTable) -> Finding:
@@ -100,7 +133,7 @@ def _describe(model: type[Table], error: ErrorDetails, raw: TomlTable) -> Findin
         hint = f"remove the quotes; {hint}"
     if kind == "less_than_equal" and key == "vn_kv":
         hint = "probably V given as kV; divide by 1000"
-    elif kind == "less_than_equal" and error["ctx"]["le"] == 1 and error["input"] <= 100:
+    elif kind.startswith("less_than") and 1 in error["ctx"].values() and error["input"] <= 100:
         hint = f"probably percent; divide by 100 ({hint})"
     return key, value, allowed, hint
 
@@ -124,12 +157,18 @@ def _partial(model: type[T], raw: TomlTable, bad: set[str]) -> T:
         key = field.alias or name
         if key in raw and key not in bad:
             is_name = key in ("name", "bus", "from", "to") and isinstance(raw[key], int)
-            values[name] = str(raw[key]) if is_name else raw[key]
+            values[name] = str(raw[key]) if is_name else _inner(field, raw[key])
         elif key in bad or field.is_required() or field.default_factory_takes_validated_data:
             values[name] = None
         else:
             values[name] = field.get_default(call_default_factory=True)
     return cast(T, model.model_construct(**values))
+
+
+def _inner(field: FieldInfo, value: object) -> object:
+    """A sound value; a table within the table as such."""
+    annotation: Any = field.annotation
+    return TypeAdapter(annotation).validate_python(value) if isinstance(value, dict) else value
 
 
 def read_list(
@@ -144,7 +183,7 @@ def read_list(
     tables = []
     for number, entry in enumerate(raw, start=1):
         name = entry_name(kind, entry) if isinstance(entry, dict) else ""
-        title = f"[[{kind}]] {name or f'#{number}'}"
+        title = f"[[{kind}]] {shortened(name) or f'#{number}'}"
         full = defaults | entry if isinstance(entry, dict) else entry
         table, sound = read_table(model, full, document, title, (*where, name))
         tables.append((table, title, sound))
@@ -156,7 +195,7 @@ def _defaults(model: type[Table], kind: str, document: Document) -> TomlTable:
     if kind not in DEVICES:
         return {}
     defaults = document.defaults(kind)
-    for key in defaults.keys() - model.model_fields.keys():
+    for key in [key for key in defaults if key not in model.model_fields]:
         where = ("defaults", kind, key)
         document.add(where, f"[defaults.{kind}]", key, *unknown_key(model, key))
     return {key: value for key, value in defaults.items() if key in model.model_fields}

@@ -11,6 +11,8 @@ from resilience.tolerances import SLOT_TOLERANCE
 
 _MINUTE = timedelta(minutes=1)
 DAY_MIN = 24 * 60
+FIRST_YEAR, LAST_YEAR = 1700, 2200
+"""Of a horizon: what tables of times can hold, and a little less."""
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ import numpy as np
 
 from resilience.case import Case, load_case
 from resilience.case.days import held_out
+from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
-from resilience.errors import UsageError
+from resilience.errors import UsageError, check_range
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
@@ -101,6 +102,9 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     if out is not None:
         check_replaceable(Path(out), COMPARISON)
     makers, error = _makers(methods), parse_error(forecast_error)
+    if end_value_per_mwh is not None:
+        limit = MAX_PRICE_PER_MWH
+        check_range("end value", end_value_per_mwh, -limit, limit, hint="$/MWh")
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
     world = World.build(
@@ -217,7 +221,9 @@ def _makers(methods: Methods) -> dict[str, Factory]:
             )
         return dict(methods)
     if isinstance(methods, str):
-        methods = [methods]
+        methods = [name.strip() for name in methods.split(",") if name.strip()]
+    if not methods:
+        raise UsageError("no method; allowed: one or more", hint=f"{REFERENCE} is always there")
     names = [name for name in dict.fromkeys(methods) if name != BOUND]
     return {name: factory_of(name) for name in names}
 

@@ -224,7 +224,7 @@ def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ..
 
 
 def outages_from(
-    text: str | Path | None, case: Case, seed: int | None = None
+    text: str | Path | Sequence[str] | None, case: Case, seed: int | None = None
 ) -> tuple[Outage, ...]:
     """Outages as a user asks for them: a draw of the case's bell or storm, or what `parse_outages`
     reads.

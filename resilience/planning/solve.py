@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Unpack, cast, overload
@@ -11,7 +12,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.case.outages import outage_texts
-from resilience.errors import UsageError
+from resilience.errors import UsageError, did_you_mean
 from resilience.files import check_file, replacing_file
 from resilience.fragility.draw import outages_from
 from resilience.models.case_program import CaseProgram, horizon, terminal_credit
@@ -49,7 +50,7 @@ def solve(
     method: Deterministic = "minlp",
     *,
     physics: Physics | None = None,
-    outages: str | Path | None = None,
+    outages: str | Path | Sequence[str] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -62,7 +63,7 @@ def solve(
     method: str,
     *,
     physics: Physics | None = None,
-    outages: str | Path | None = None,
+    outages: str | Path | Sequence[str] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -75,7 +76,7 @@ def solve(
     method: str = "minlp",
     *,
     physics: Physics | None = None,
-    outages: str | Path | None = None,
+    outages: str | Path | Sequence[str] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -127,6 +128,10 @@ def _is_over_scenarios(method: str, options: ScenarioOptions) -> bool:
             f"method {method!r} is unknown; allowed: {', '.join(names)}",
             hint="minlp is the default; lp is the fastest; stochastic does not know the outages",
         )
+    arguments = {"physics", "outages", "seed", "time_limit", "relative_gap"}
+    keys = [*ScenarioOptions.__annotations__, *sorted(arguments)]
+    if unknown := [key for key in options if key not in keys]:
+        raise UsageError(f"solve has no {unknown[0]!r}", hint=did_you_mean(unknown[0], keys))
     allowed = ScenarioOptions.__annotations__ if method == "stochastic" else {"scenarios"}
     wrong = [
         key
@@ -146,7 +151,7 @@ def plan_known_outages(
     case: Case | str | Path,
     method: str,
     physics: Physics | None,
-    outages: str | Path | None,
+    outages: str | Path | Sequence[str] | None,
     seed: int | None,
     limits: MethodOptions,
 ) -> Plan:

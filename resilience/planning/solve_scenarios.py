@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,10 @@ DEFAULT_SCENARIOS = 200
 
 
 def scenarios_for(
-    case: Case, outages: str | Path | None, number: int | Scenarios | None, seed: int | None
+    case: Case,
+    outages: str | Path | Sequence[str] | None,
+    number: int | Scenarios | None,
+    seed: int | None,
 ) -> Scenarios:
     """The scenarios that a user asks for.
 
@@ -70,6 +74,11 @@ def scenarios_for(
             hint="leave out `--scenarios` and `--seed`, or the outages",
         )
     if isinstance(number, Scenarios):
+        if number.slots != case.slots:
+            raise UsageError(
+                f"scenarios of {number.slots} slots; allowed: {case.slots}, as the case",
+                hint="draw them again for this horizon",
+            )
         return number
     if is_drawn:
         return _draw(case, source, number or DEFAULT_SCENARIOS, seed or 0)
@@ -92,7 +101,7 @@ def plan_over_scenarios(
     case: Case | str | Path,
     method: str,
     physics: Physics | None,
-    outages: str | Path | None,
+    outages: str | Path | Sequence[str] | None,
     seed: int | None,
     limits: MethodOptions,
     options: ScenarioOptions,

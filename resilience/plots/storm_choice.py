@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.case.networks.network import did_you_mean
-from resilience.errors import UsageError
+from resilience.errors import UsageError, did_you_mean
 from resilience.evaluation.comparison import Compared, day_spans
 from resilience.plots.storm_data import FeederView, MethodView, feeder, load_groups, method_view
 

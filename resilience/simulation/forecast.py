@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats, Ints
-from resilience.errors import UsageError
+from resilience.errors import UsageError, check_range
 from resilience.fragility.outages.bell import REFERENCE_MIN
 from resilience.models.components import device_fleets
 
@@ -43,13 +43,9 @@ class ForecastError:
     correlation: float = MEASURED_CORRELATION
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.sigma < np.inf:
-            raise UsageError(f"sigma {self.sigma}; allowed: 0 or more", hint="0.025 is measured")
-        if not 0.0 <= self.correlation < 1.0:
-            raise UsageError(
-                f"correlation {self.correlation}; allowed: 0 up to, but not, 1",
-                hint="0 is the paper's, 0.97 is measured",
-            )
+        check_range("sigma", self.sigma, 0.0, 1.0, hint="0.025 is measured")
+        hint = "0 is the paper's, 0.97 is measured"
+        check_range("correlation", self.correlation, 0.0, 1.0, hint=hint, below=True)
 
     def correlation_of(self, step_min: float) -> float:
         """The correlation between a slot of this length, minutes, and the next."""

@@ -12,15 +12,14 @@ And a plain one: `time_utc`, `load_mw`, `solar_mw`. A column that no shape knows
 
 from __future__ import annotations
 
-import gzip
-import io
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from resilience.errors import UsageError
-from resilience.files import reading
+from resilience.inputs import read_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,12 +105,14 @@ class Export:
         starts: (rows,) when each slot begins, as the file writes it.
         zone: the clock of the whole column, as `CET/CEST`; empty where every row says its own.
         cells: series to its (rows,) cells.
+        number: what the text of a cell states; None where that is no number.
     """
 
     path: Path
     starts: pd.Series[str]
     zone: str
     cells: dict[str, pd.Series[str]]
+    number: Callable[[str], float | None]
 
 
 def read_export(path: Path, area: str | None = None) -> Export:
@@ -124,7 +125,12 @@ def read_export(path: Path, area: str | None = None) -> Export:
     Raises:
         UsageError: it cannot be read, has a column that is not known, or several areas.
     """
-    table = _read_table(path)
+    import pandas as pd
+
+    text = read_table(path)
+    columns = [plain_name(column) for column in text.columns]
+    _check_names(path, columns)
+    table = pd.DataFrame(list(text.rows), columns=columns, dtype=str)
     shape, start = _shape_of(path, list(table.columns))
     _check_columns(path, shape, start, list(table.columns))
     table = _of_area(path, table, area)
@@ -141,7 +147,7 @@ def read_export(path: Path, area: str | None = None) -> Export:
     matched = re.fullmatch(shape.start, start)
     zone = (matched and matched.groupdict().get("zone")) or ""
     cells = {name: table[column].str.strip() for column, name in values.items()}
-    return Export(path, table[start].str.strip(), zone.upper(), cells)
+    return Export(path, table[start].str.strip(), zone.upper(), cells, text.number)
 
 
 def plain_name(column: str) -> str:
@@ -151,20 +157,14 @@ def plain_name(column: str) -> str:
     return re.sub(r" ?[\[(]MW[\])]", " [MW]", name)
 
 
-def _read_table(path: Path) -> pd.DataFrame:
-    import pandas as pd
-
-    if not path.is_file():
-        raise UsageError(f"{path} does not exist", hint="name a file exported from ENTSO-E")
-    with reading(path, "table of ENTSO-E"):
-        data = path.read_bytes()
-        text = (gzip.decompress(data) if path.suffix == ".gz" else data).decode("utf-8-sig")
-        lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
-        separator = max("\t;,", key=lines[0].count)
-        table = pd.read_csv(
-            io.StringIO("\n".join(lines)), sep=separator, dtype=str, keep_default_na=False
+def _check_names(path: Path, columns: list[str]) -> None:
+    """Refuses two columns that are one, but for the name of the area and the blanks."""
+    twice = sorted({column for column in columns if columns.count(column) > 1 and column})
+    if twice:
+        raise UsageError(
+            f"{path}: the columns {', '.join(twice)} twice; allowed: every column once",
+            hint="leave one out; of areas there is only one to a file of columns",
         )
-    return table.rename(columns=plain_name)
 
 
 def _shape_of(path: Path, columns: list[str]) -> tuple[Shape, str]:

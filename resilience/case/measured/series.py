@@ -112,8 +112,9 @@ def _series_of(export: Export) -> dict[str, pd.Series]:
     series = {}
     for name, cells in export.cells.items():
         texts, is_missing = cells[there].to_numpy(), missing[name][there].to_numpy()
-        numbers = np.asarray(pd.to_numeric(texts, errors="coerce"), float)
-        wrong = np.isnan(numbers) & ~is_missing
+        stated = [export.number(text) for text in texts]
+        numbers = np.array([np.nan if number is None else number for number in stated], float)
+        wrong = ~np.isfinite(numbers) & ~is_missing
         if wrong.any():
             raise UsageError(
                 f"{export.path}: {name} {texts[wrong][0]!r} of {index[wrong][0]}; allowed: MW",
@@ -146,6 +147,13 @@ def checked_series(subject: str, name: str, values: pd.Series) -> pd.Series:
             hint="keep the latest version of every row",
         )
     step = _step_min(subject, index)
+    slots = (index[-1] - index[0]) / pd.Timedelta(minutes=step) + 1
+    if slots > 100 * len(index):
+        raise UsageError(
+            f"{subject}: {name} has {len(index)} rows between {index[0]} and {index[-1]}; "
+            f"allowed: one every {step:g} min",
+            hint="is the year of a row wrong?",
+        )
     every = pd.date_range(index[0], index[-1], freq=f"{step:g}min")
     filled = values.reindex(every)
     odd = index.difference(every)

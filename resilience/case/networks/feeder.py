@@ -13,12 +13,13 @@ from resilience.case.networks.costs import UnitCost
 from resilience.case.networks.course import Course
 from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission, omission
+from resilience.errors import MAX_SHOWN, UsageError, shortened
 
 V_MIN_PU, V_MAX_PU = 0.9, 1.1
 """Voltage limits where neither source nor case states any."""
 
 
-class FeederError(Exception):
+class FeederError(UsageError):
     """A network that cannot be read.
 
     Args:
@@ -27,8 +28,13 @@ class FeederError(Exception):
     """
 
     def __init__(self, *findings: tuple[str, str, str, str]) -> None:
-        super().__init__(*findings)
-        self.findings = findings
+        self.findings = tuple(
+            (key, shortened(value, MAX_SHOWN), shortened(allowed, MAX_SHOWN), hint)
+            for key, value, allowed, hint in findings
+        )
+        words = (f"{key}: {value}; allowed: {may}" for key, value, may, _ in self.findings)
+        super().__init__(f"network, {'; '.join(words)}", self.findings[0][3] if findings else "")
+        self.args = self.findings
 
     def prefixed(self, key: str, prefix: str) -> FeederError:
         """The same of a key of `[network]`, with `prefix` before what stands there."""

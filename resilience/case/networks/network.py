@@ -2,28 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.networks.course import Course
-from resilience.errors import UsageError
-
-
-def did_you_mean(name: str, allowed: Iterable[str], *, max_listed: int = 8) -> str:
-    """A hint that offers the nearest allowed names, or else the first few."""
-    names = list(allowed)
-    folded = {candidate.casefold(): candidate for candidate in names}
-    close = difflib.get_close_matches(name.casefold(), folded, n=3, cutoff=0.6)
-    if close:
-        return "did you mean " + " or ".join(folded[match] for match in close) + "?"
-    if not names:
-        return "there are none"
-    more = f", ... ({len(names)} in all)" if len(names) > max_listed else ""
-    return "known are " + ", ".join(names[:max_listed]) + more
+from resilience.errors import UsageError, did_you_mean
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.network import did_you_mean
+from resilience.errors import did_you_mean
 
 Row = dict[str, Any]
 """A row of a table by column, with its `index`; JSON tells no more of its values."""

@@ -16,6 +16,9 @@ from resilience.case.networks.matpower import feeder_from_matpower
 from resilience.case.networks.network import Network
 from resilience.case.networks.soundness import network_findings
 from resilience.case.schema import LineTable, NetworkTable
+from resilience.errors import UsageError
+from resilience.files import reading
+from resilience.inputs import InputFileError, checked_path
 
 
 def read_feeder(table: NetworkTable) -> Feeder:
@@ -42,10 +45,12 @@ def _from_source(table: NetworkTable) -> Feeder:
 
         return feeder_by_name(table.pandapower)
     if table.file:
-        path = Path(table.file)
-        if not path.is_file():
-            hint = "paths start at the case file's folder"
-            raise FeederError(("file", str(path), "a file that exists", hint))
+        try:
+            path = checked_path(Path(table.file))
+        except InputFileError as error:
+            wrong = error.mistake
+            value = f"{wrong.file} {wrong.value}"
+            raise FeederError(("file", value, wrong.allowed, wrong.hint)) from None
         return _read_file(path, path.stat().st_mtime_ns)
     return _inline(table)
 
@@ -55,7 +60,13 @@ def _read_file(path: Path, _mtime: int) -> Feeder:
     if path.suffix not in READERS:
         allowed = "a pandapower .json or a MATPOWER .m file"
         raise FeederError(("file", path.name, allowed, "convert the network"))
-    return READERS[path.suffix](path)
+    try:
+        with reading(path, "network"):
+            return READERS[path.suffix](path)
+    except FeederError:
+        raise
+    except UsageError as error:
+        raise FeederError(("file", error.message, "a network", error.hint)) from None
 
 
 def _pandapower(path: Path) -> Feeder:

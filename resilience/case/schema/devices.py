@@ -23,6 +23,7 @@ from pydantic import Field, create_model
 
 from resilience.case.schema.fields import (
     Efficiency,
+    Money,
     Name,
     NonNegative,
     Positive,
@@ -39,6 +40,9 @@ from resilience.case.schema.tables import (
     TimeTable,
 )
 from resilience.errors import UsageError
+
+MAX_HOURS = 10_000.0
+"""Over a year, of anything that a machine does on end."""
 
 
 class DeviceTable(Table):
@@ -71,7 +75,7 @@ class LoadTable(DeviceTable):
         "the same price per Mvarh",
     )
     shed_cost_per_mwh: NonNegative = Field(description="price of unserved energy, per MWh")
-    priority: Positive = Field(1.0, description="multiplies the shed price")
+    priority: Positive = Field(1.0, le=1e6, description="multiplies the shed price")
     critical: bool = Field(
         False,
         description="true: reports tell its service apart; where no load is marked, those of a "
@@ -148,14 +152,16 @@ class GeneratorTable(DeviceTable):
         ]
         | None
     ) = Field(None, description="[[p_mw, cost_per_h], ...], p rising; replaces cost_per_mwh")
-    no_load_cost_per_h: NonNegative = Field(0.0, description="cost of being on, per h")
-    start_cost: NonNegative = Field(0.0, description="cost of one start")
+    no_load_cost_per_h: Money = Field(0.0, description="cost of being on, per h")
+    start_cost: Money = Field(0.0, description="cost of one start")
     ramp_up_mw_per_h: Positive | None = Field(None, description="MW per h; absent: no limit")
     ramp_down_mw_per_h: Positive | None = Field(None, description="MW per h; absent: no limit")
-    min_up_h: NonNegative = Field(0.0, description="least time on, h")
-    min_down_h: NonNegative = Field(0.0, description="least time off, h")
+    min_up_h: NonNegative = Field(0.0, le=MAX_HOURS, description="least time on, h")
+    min_down_h: NonNegative = Field(0.0, le=MAX_HOURS, description="least time off, h")
     initial_on: bool = Field(False, description="status before the first slot")
-    initial_hours: NonNegative = Field(24.0, description="time in that status so far, h")
+    initial_hours: NonNegative = Field(
+        24.0, le=MAX_HOURS, description="time in that status so far, h"
+    )
     p_initial_mw: NonNegative = Field(0.0, description="output before the first slot, MW")
     q_min_mvar: float = Field(0.0, description="least reactive output, Mvar")
     q_max_mvar: float = Field(0.0, description="greatest reactive output, Mvar")

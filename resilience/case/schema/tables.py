@@ -7,11 +7,15 @@ currency of the case, per MWh. Rules that join two keys or two tables live in `c
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from resilience.case.schema.fields import Loose, Name, NonNegative, Positive, Table
+from resilience.case.schema.fields import Loose, Money, Name, Positive, Price, Table
+
+MAX_SIGMA_SLOTS = 960
+"""Ten days: beyond, a bell is as wide as the horizon, and a number is a slip."""
+Slots = Annotated[int, Field(gt=0, le=366 * 96)]
 
 
 class BusTable(Table):
@@ -46,7 +50,9 @@ class BranchTable(Table):
 class NetworkTable(Table):
     """`[network]`: exactly one of `pandapower`, `file`, or inline `bus` and `line` tables."""
 
-    pandapower: str | None = Field(None, description="a function of pandapower.networks: case33bw")
+    pandapower: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*$")] | None = Field(
+        None, description="a function of pandapower.networks: case33bw"
+    )
     file: str | None = Field(
         None, description="pandapower .json or MATPOWER .m, from the case's folder"
     )
@@ -74,7 +80,7 @@ class LineTable(Table):
     name: Name = Field(description="name of a line of the network")
     breakpoint: bool = Field(False, description="true: storms can break the feeder here")
     switchable: bool = Field(False, description="true: the plan may open or close it")
-    switching_cost: NonNegative = Field(0.0, description="$ each time the plan opens or closes it")
+    switching_cost: Money = Field(0.0, description="$ each time the plan opens or closes it")
     rating_mva: Positive | None = Field(
         None, description="thermal limit, MVA, in place of the network's"
     )
@@ -100,12 +106,16 @@ class TimeTable(Table):
     """`[time]`: the horizon."""
 
     start: datetime = Field(description="local date and time of the first slot's start")
-    slots: int = Field(gt=0, description="number of time slots")
-    step_min: Positive = Field(description="length of a slot, minutes")
+    slots: int = Field(gt=0, le=1_000_000, description="number of time slots")
+    step_min: Positive = Field(
+        ge=1 / 60, le=7 * 24 * 60, description="length of a slot, minutes: a second to a week"
+    )
 
 
 class ProfilesTable(Table):
     """`[profiles]`: time series in per unit of each device's peak."""
+
+    has_any_size: ClassVar[bool] = True
 
     file: str | None = Field(None, description="CSV, CSV.GZ or Parquet; first column `time`")
     columns: dict[str, Annotated[tuple[Loose, ...], Field(strict=False)]] = Field(
@@ -122,14 +132,17 @@ class OutageTable(Table):
     height: float | None = Field(
         None, ge=0, lt=1, description="of the bell, as a probability per slot; replaces probability"
     )
-    sigma_slots: Positive = Field(4.0, description="width of the bell, in slots of 15 minutes")
-    duration_slots: Annotated[
-        tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]], Field(strict=False)
-    ] = Field(
+    sigma_slots: Positive = Field(
+        4.0, le=MAX_SIGMA_SLOTS, description="width of the bell, in slots of 15 minutes"
+    )
+    duration_slots: Annotated[tuple[Slots, Slots], Field(strict=False)] = Field(
         (12, 15), description="[shortest, longest] outage, in slots of 15 minutes, both included"
     )
     shift_slots: int = Field(
-        3, ge=0, description="breakpoints after the first peak up to so many slots sooner or later"
+        3,
+        ge=0,
+        le=96,
+        description="breakpoints after the first peak up to so many slots sooner or later",
     )
     shared_shift: bool = Field(False, description="true: all of them are shifted alike")
     common_draw: bool = Field(
@@ -148,7 +161,7 @@ class OutageTable(Table):
         "empty: the whole day",
     )
     centre_error_slots: int = Field(
-        0, ge=0, description="the centre is forecast with an error of up to so many slots"
+        0, ge=0, le=96, description="the centre is forecast with an error of up to so many slots"
     )
     rate: bool = Field(
         False, description="true: the bell is a rate per hour, so that the step does not matter"
@@ -158,10 +171,10 @@ class OutageTable(Table):
 class HeadTable(Table):
     """The keys of a case file that stand before its first table."""
 
-    name: str | None = Field(None, description="name of the case; default: that of its file")
+    name: Name | None = Field(None, description="name of the case; default: that of its file")
     description: str = Field("", description="what it is, for people")
     extends: str | None = Field(None, description="name or path of a case that this one varies")
-    terminal_value_per_mwh: float = Field(0.0, description="credit for energy stored at the end")
+    terminal_value_per_mwh: Price = Field(0.0, description="credit for energy stored at the end")
     reserve_price_per_mwh: float | None = Field(
         None,
         description="price of being short of the storm reserve of `mpc`, per MWh, between the "

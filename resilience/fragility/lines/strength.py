@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from resilience.arrays import Floats, Ints
-from resilience.case.networks.network import did_you_mean
 from resilience.case.reading import show
 from resilience.case.schema import CurveTable, LineTable, StormTable
-from resilience.errors import CaseError, Mistake, UsageError
+from resilience.errors import CaseError, Mistake, UsageError, did_you_mean
 from resilience.fragility.lines.curves import CURVES, Curve, measure
 from resilience.fragility.lines.spans import SpannedLines, poles_in_series
 from resilience.fragility.tracks.fill import RADII

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from resilience.arrays import Floats, Ints
+from resilience.case.schema.tables import MAX_SIGMA_SLOTS
 from resilience.errors import UsageError
 from resilience.tolerances import SLOT_TOLERANCE
 
@@ -71,11 +72,11 @@ class Bell:
 
     def __post_init__(self) -> None:
         short, long = self.duration_slots
-        last = REFERENCE_SLOTS - 1
+        last, widths = REFERENCE_SLOTS - 1, f"above 0, to {MAX_SIGMA_SLOTS}"
         rules: tuple[tuple[str, bool, str], ...] = (
             ("probability", 0.0 <= self.probability < 1.0, "0 up to, but not, 1"),
             ("height", 0.0 <= (self.height or 0.0) < 1.0, "0 up to, but not, 1"),
-            ("sigma_slots", 0.0 < self.sigma_slots < np.inf, "above 0"),
+            ("sigma_slots", 0.0 < self.sigma_slots <= MAX_SIGMA_SLOTS, widths),
             ("duration_slots", 0 < short <= long, "0 < shortest <= longest"),
             ("shift_slots", self.shift_slots >= 0, "0 or more"),
             ("centres", all(0 <= c <= last for c in self.centres), f"slots 0 to {last}"),
@@ -83,9 +84,11 @@ class Bell:
         )
         wrong = [f"{k} {getattr(self, k)}; allowed: {ok}" for k, good, ok in rules if not good]
         if wrong:
+            is_percent = any(1.0 < share <= 100.0 for share in (self.probability, self.height or 0))
+            usual = "0.8 and 4 slots are the usual probability and width"
             raise UsageError(
                 "outage process: " + "; ".join(wrong),
-                hint="0.8 and 4 slots are the usual probability and width",
+                hint=f"probably percent; divide by 100; {usual}" if is_percent else usual,
             )
         _ = self.p_max
 

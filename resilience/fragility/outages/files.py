@@ -5,23 +5,24 @@ A CSV file made elsewhere need not have the column weight: all scenarios are equ
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-import zipfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from resilience.arrays import Floats
-from resilience.errors import CaseError, Mistake, UsageError
+from resilience.errors import CaseError, Mistake, UsageError, shortened
+from resilience.files import reading
 from resilience.fragility.outages.scenarios import COLUMNS, Scenarios, check_suffix
+from resilience.inputs import MissingFileError, checked_path, read_table
 
 if TYPE_CHECKING:
     from resilience.case import Case
 
 MAX_SCENARIOS = 1_000_000  # beyond, a number is a slip
+MAX_WEIGHT = 1e12
 HINTS = {
     "scenario": "scenarios count from 0",
     "first": "slots count from 0",
@@ -39,23 +40,24 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
     """
     path = Path(path)
     check_suffix(path)
-    if not path.is_file():
+    try:
+        file = checked_path(path)
+    except MissingFileError:
         raise UsageError(
             f"scenario file {path} does not exist", hint="`resilience scenarios CASE` writes one"
-        )
+        ) from None
     if path.suffix == ".csv":
         return _CSV(path, case).scenarios()
-    scenarios = _read_npz(path)
+    scenarios = _read_npz(file)
     unknown = [line for line in scenarios.lines if not case.network.has_line(line)]
     if unknown:
         raise UsageError(
-            f"{path.name}: line {unknown[0]!r} is not in case {case.name!r}",
+            f"{path}: line {shortened(repr(unknown[0]))} is not in case {case.name!r}",
             hint=case.network.line_hint(unknown[0]),
         )
     if scenarios.slots != case.slots:
         raise UsageError(
-            f"{path.name}: scenarios of {scenarios.slots} slots; "
-            f"allowed: {case.slots}, as the case",
+            f"{path}: scenarios of {scenarios.slots} slots; allowed: {case.slots}, as the case",
             hint="draw them again for this horizon",
         )
     return scenarios
@@ -63,19 +65,36 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
 
 def _read_npz(path: Path) -> Scenarios:
     """Reads a .npz file; see `scenarios.py` for what is in it."""
+    with reading(path, "scenarios"), path.open("rb") as opened, np.load(opened) as file:
+        about = json.loads(str(file["about"]))
+        down, probability = file["down"], file["probability"]
+        shape = tuple(int(n) for n in file["shape"])
+        centre = file.get("centre", None)
+        _check_kinds(about, shape, down, probability)
+        bits = np.unpackbits(down, count=math.prod(shape)).reshape(shape).astype(bool)
+        lines, seed, process = tuple(about["lines"]), about["seed"], about["process"]
     try:
-        with np.load(path) as file:
-            about = json.loads(str(file["about"]))
-            shape = tuple(file["shape"])
-            down = np.unpackbits(file["down"], count=int(np.prod(shape))).reshape(shape)
-            centre = file.get("centre", None)
-            probability: Floats = file["probability"]
-    except (zipfile.BadZipFile, EOFError, KeyError, ValueError) as error:
-        raise UsageError(
-            f"{path.name} holds no scenarios", hint="`resilience scenarios CASE` writes such files"
-        ) from error
-    lines, seed, process = tuple(about["lines"]), about["seed"], about["process"]
-    return Scenarios(lines, down.astype(bool), probability, centre, seed, process)
+        return Scenarios(lines, bits, probability, centre, seed, process)
+    except UsageError as error:
+        raise UsageError(f"{path}: {error.message}", hint=error.hint) from None
+
+
+def _check_kinds(
+    about: Mapping[str, Any], shape: tuple[int, ...], down: np.ndarray, probability: np.ndarray
+) -> None:
+    """Refuses arrays and facts that `Scenarios.save` never writes, before they are unpacked.
+
+    Raises:
+        ValueError: they are of another kind or size.
+    """
+    if not (all(isinstance(line, str) for line in about["lines"])):
+        raise ValueError("names of lines are text")
+    if not isinstance(about["seed"], int | None) or not isinstance(about["process"], str):
+        raise ValueError("the seed is a whole number, the process is text")
+    if down.dtype != np.uint8 or probability.dtype.kind != "f":
+        raise ValueError("outages are packed bits, probabilities are numbers")
+    if len(shape) != 3 or min(shape) < 0 or (math.prod(shape) + 7) // 8 != down.size:
+        raise ValueError(f"{down.size} bytes of outages of the shape {shape}")
 
 
 class _CSV:
@@ -90,15 +109,14 @@ class _CSV:
 
     def scenarios(self) -> Scenarios:
         """Reads every row, then makes the arrays."""
-        with self.path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
-            columns = reader.fieldnames or ()
-            missing = [c for c in COLUMNS if c not in columns]
-            for row in () if missing else reader:
-                values = {key: (row.get(key) or "").strip() for key in (*COLUMNS, "weight")}
-                self.read(f"row {reader.line_num}", values)
+        self.table = read_table(self.path, is_padded=True)
+        columns = self.table.columns
+        missing = [c for c in COLUMNS if c not in columns]
+        if not missing:
+            for number, row in zip(self.table.numbers, self.table.records(), strict=True):
+                self.read(f"row {number}", {key: row.get(key, "") for key in (*COLUMNS, "weight")})
         if missing:
-            heading = ", ".join(columns) or "no columns"
+            heading = shortened(", ".join(columns)) or "no columns"
             hint = "the first row of the file names the columns"
             self.wrong("header", missing[0], heading, ", ".join(COLUMNS), hint)
         elif self.highest < 0 and not self.mistakes:
@@ -118,7 +136,7 @@ class _CSV:
             line = row["line"]
             if not self.case.network.has_line(line):
                 hint = self.case.network.line_hint(line)
-                self.wrong(where, "line", repr(line), "a line of the network", hint)
+                self.wrong(where, "line", shortened(repr(line)), "a line of the network", hint)
             if len(self.mistakes) == before:
                 self.events.append((scenario, line, first, stop))
         self.highest = max(self.highest, scenario)
@@ -127,22 +145,24 @@ class _CSV:
         """The number under `key`; the lowest allowed where it is wrong."""
         low, high = span
         text = row[key]
-        if text.isascii() and text.isdigit() and low <= int(text) <= high:
+        if text.isascii() and text.isdigit() and len(text) < 20 and low <= int(text) <= high:
             return int(text)
-        self.wrong(where, key, repr(text), f"a whole number, {low} to {high}", HINTS[key])
+        self.wrong(
+            where, key, shortened(repr(text)), f"a whole number, {low} to {high}", HINTS[key]
+        )
         return low
 
     def weigh(self, where: str, scenario: int, text: str) -> None:
         """Takes the weight of a scenario, 1 where there is none."""
-        try:
-            weight = float(text or 1.0)
-        except ValueError:
-            weight = -1.0
-        if not 0.0 <= weight < math.inf:
-            self.wrong(where, "weight", repr(text), "a number, 0 or more", HINTS["weight"])
+        stated = self.table.number(text or "1")
+        weight = -1.0 if stated is None else stated
+        if not 0.0 <= weight <= MAX_WEIGHT:
+            self.wrong(
+                where, "weight", shortened(repr(text)), "a number, 0 or more", HINTS["weight"]
+            )
         elif self.weights.setdefault(scenario, weight) != weight:
             allowed = f"{self.weights[scenario]:g}, as in an earlier row of scenario {scenario}"
-            self.wrong(where, "weight", repr(text), allowed, "a scenario has one weight")
+            self.wrong(where, "weight", shortened(repr(text)), allowed, "a scenario has one weight")
 
     def wrong(self, where: str, key: str, value: str, allowed: str, hint: str) -> None:
         """Notes a mistake."""
@@ -157,6 +177,6 @@ class _CSV:
             down[lines.index(line), first:stop, scenario] = True
         weight = np.array([self.weights.get(k, 1.0) for k in range(self.highest + 1)])
         if not weight.sum():
-            raise UsageError(f"{self.path.name}: all weights are 0", hint=HINTS["weight"])
+            raise UsageError(f"{self.path}: all weights are 0", hint=HINTS["weight"])
         probability = weight / weight.sum()
         return Scenarios(lines, down, probability, process=f"file {self.path.name}")

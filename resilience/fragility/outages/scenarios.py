@@ -49,17 +49,30 @@ class Scenarios:
     process: str = ""
 
     def __post_init__(self) -> None:
-        shape = (len(self.lines), self.down.shape[1], len(self.probability))
-        if self.down.shape != shape:
+        slots = self.down.shape[1] if self.down.ndim == 3 else 0
+        shape = (len(self.lines), slots, *self.probability.shape[:1])
+        if self.down.shape != shape or self.probability.ndim != 1:
             raise UsageError(
                 f"outages have the shape {self.down.shape}; allowed: {shape}",
                 hint="axes are lines, slots, scenarios",
+            )
+        if len(set(self.lines)) < len(self.lines):
+            raise UsageError("a line is there twice; allowed: every line once", "leave one out")
+        if self.centre is not None and not self._has_sound_centre(self.centre):
+            raise UsageError(
+                f"centres of the shape {self.centre.shape}; allowed: whole numbers, 0 to 95, of "
+                f"(days, {self.n})",
+                hint="they are slots of 15 minutes of the day",
             )
         if not (self.probability >= 0).all() or not np.isclose(self.probability.sum(), 1.0):
             raise UsageError(
                 f"probabilities add up to {self.probability.sum():g}; allowed: 1, none negative",
                 hint="divide the weights by their sum",
             )
+
+    def _has_sound_centre(self, centre: Ints) -> bool:
+        is_whole = centre.dtype.kind in "iu" and centre.ndim == 2 and centre.shape[1] == self.n
+        return is_whole and bool(((centre >= 0) & (centre < 96)).all())
 
     @property
     def n(self) -> int:

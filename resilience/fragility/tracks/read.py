@@ -15,6 +15,7 @@ from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
 from resilience.fragility.tracks.unread import refuse_unread
+from resilience.inputs import check_root, checked_path
 
 HEAD_LINES, HEAD_BYTES = 20, 2000  # enough to tell formats apart
 Parser = Callable[[str, About, str | None, str | None], Track]
@@ -146,7 +147,7 @@ def _text(path: Path) -> str:
         UsageError: it cannot be read, is no text, or is empty.
     """
     try:
-        raw = path.read_bytes()
+        raw = checked_path(path).read_bytes()
     except OSError as error:
         raise UsageError(
             f"track file {path} cannot be read: {error.strerror or error}; allowed: a text file",
@@ -181,6 +182,7 @@ def _check(path: Path, format: str | None, options: Collection[str]) -> None:
             f"track format {format!r}; allowed: {', '.join(FORMATS)}",
             hint="leave it out: files are told apart by their look",
         )
+    check_root(path)
     if not path.is_file():
         complaint = "is no file" if path.exists() else "does not exist"
         raise UsageError(f"track file {path} {complaint}", hint="give the path of a file")

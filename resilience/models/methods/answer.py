@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.errors import check_range
 from resilience.models.backends.base import Solution, Status
 from resilience.models.case_program import CaseProgram
 from resilience.models.program import gate
@@ -31,11 +33,18 @@ class MethodOptions:
         time_limit: seconds.
         gap: relative gap at which it may stop.
         clock: seconds that have passed since some moment; for tests.
+
+    Raises:
+        UsageError: a gap or a limit out of range.
     """
 
     time_limit: float = 60.0
     gap: float = PLAN_GAP
     clock: Callable[[], float] = time.perf_counter
+
+    def __post_init__(self) -> None:
+        check_range("relative gap", self.gap, 0.0, 1.0, hint="0.001 is a tenth of a percent")
+        check_range("time limit", self.time_limit, 0.0, math.inf, hint="seconds")
 
     def deadline(self) -> Deadline:
         """The time limit, from now on."""

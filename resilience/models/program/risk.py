@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Floats
-from resilience.errors import UsageError
+from resilience.errors import UsageError, check_range
 from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Standard, Values
 from resilience.tolerances import PROBABILITY_TOLERANCE
@@ -40,12 +40,9 @@ class Risk:
     weight: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.alpha < 1.0 and 0.0 <= self.weight <= 1.0):
-            raise UsageError(
-                f"risk has alpha {self.alpha:g} and weight {self.weight:g}; "
-                "allowed: 0 <= alpha < 1, 0 <= weight <= 1",
-                hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
-            )
+        hint = "cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %"
+        check_range("alpha of the risk", self.alpha, 0.0, 1.0, hint=hint, below=True)
+        check_range("weight of the risk", self.weight, 0.0, 1.0, hint=hint)
 
     @classmethod
     def parse(cls, text: str) -> Risk:

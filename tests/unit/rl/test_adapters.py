@@ -9,7 +9,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import load_case
-from resilience.case.document import case_folder
+from resilience.inputs import case_folder
 from tests.unit.rl.small import few_storms, small_storm_case
 
 gym = pytest.importorskip("gymnasium", reason="gymnasium is not installed here: resilience[gym]")
