@@ -23,6 +23,7 @@ from resilience.planning.records import (
     CertifiedPlan,
     Costs,
     Horizon,
+    check_kinds,
     read_record,
     read_tables,
     write_plan,
@@ -179,7 +180,20 @@ def _load_plan(root: Path) -> Plan:
         return _read_plan(root, summary, case)
 
 
+KINDS: dict[str, Any] = {
+    "operating_cost": float,
+    "terminal_credit": float,
+    "costs": dict[str, float],
+    "energy_mwh": dict[str, float],
+    "shed_mwh": float,
+    "shed_by_load": dict[str, dict[str, float]],
+    "outages": list[str],
+}
+"""What stands in `summary.json` beside what every plan has."""
+
+
 def _read_plan(root: Path, summary: dict[str, Any], case: Case | None) -> Plan:
+    check_kinds(summary, KINDS)
     return Plan(
         name=summary["name"],
         method=summary["method"],

@@ -7,9 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+
+from pydantic import TypeAdapter
 
 from resilience.errors import CertificateError
+from resilience.inputs import checked_path
 from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
@@ -286,6 +289,36 @@ class CertifiedPlan:
         return {key: getattr(self, key) for key in self.summary_keys}
 
 
+COMMON_KINDS: dict[str, Any] = {
+    "name": str,
+    "method": str,
+    "physics": Literal["copperplate", "lindistflow", "distflow"],
+    "objective": float,
+    "notes": list[str],
+    "start": datetime,
+    "step_min": float,
+    "seconds_by_phase": dict[str, float],
+    "relaxed": list[str],
+    "audit": dict[str, float],
+    "audit_worst": str,
+}
+"""What stands in the summary of every plan."""
+
+
+def check_kinds(summary: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
+    """Refuses a summary in which something is of another kind than was written.
+
+    Args:
+        summary: as it was read.
+        kinds: of values by key, beside `COMMON_KINDS`.
+
+    Raises:
+        KeyError, ValidationError: something is.
+    """
+    for key, kind in (COMMON_KINDS | {**kinds}).items():
+        TypeAdapter(kind).validate_python(summary[key])
+
+
 def read_record(record: type[Record], summary: Mapping[str, Any]) -> Record:
     """The part of a plan that is a record of a kind, from what `summary` of the plan gave."""
     return record(**{key.name: summary[key.name] for key in fields(record) if key.name in summary})
@@ -323,6 +356,9 @@ def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:
     Args:
         folder: where `write_plan` wrote them.
         names: name of a table to that of its file; those without a file are left out.
+
+    Raises:
+        ValueError: a table is none: labels twice, or no numbers where there should be.
     """
     import numpy as np
     import pandas as pd
@@ -331,6 +367,10 @@ def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:
     for name, stem in names.items():
         path = folder / f"{stem}.parquet"
         if path.is_file():
-            frame = pd.read_parquet(path)
-            tables[name] = SlotTable(tuple(frame.columns), np.asarray(frame.to_numpy().T, float))
+            frame = pd.read_parquet(checked_path(path))
+            values = np.asarray(frame.to_numpy().T, float)
+            has_gaps = np.isnan(values).any() and name != "voltage"  # of dead buses
+            if has_gaps or np.isinf(values).any() or not frame.columns.is_unique:
+                raise ValueError(f"{path.name} has labels twice, or cells that are no numbers")
+            tables[name] = SlotTable(tuple(map(str, frame.columns)), values)
     return tables

@@ -36,6 +36,7 @@ from resilience.planning.records import (
     Horizon,
     InformationValue,
     ScenarioStatistics,
+    check_kinds,
     read_record,
     read_tables,
     write_plan,
@@ -331,9 +332,25 @@ def _load_scenario_plan(root: Path) -> ScenarioPlan:
         return _read_plan(root, summary, case, outages)
 
 
+KINDS: dict[str, Any] = {
+    "expected_operating_cost": float,
+    "expected_terminal_credit": float,
+    "algorithm": str,
+    "risk": str,
+    "scenarios": int,
+    "different": int,
+    "seed": int | None,
+    "process": str,
+    "common_slots": int,
+    "half_left_at": datetime | None,
+}
+"""What stands in `summary.json` beside what every plan has."""
+
+
 def _read_plan(root: Path, summary: dict[str, Any], case: Case, outages: Scenarios) -> ScenarioPlan:
     import pandas as pd
 
+    check_kinds(summary, KINDS)
     episodes = pd.read_parquet(root / "scenarios.parquet")
     power = pd.read_parquet(root / "recourse.parquet")
     shape = (len(episodes), len(power) // max(len(episodes), 1), power.shape[1])

@@ -13,9 +13,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import NonNegativeInt, TypeAdapter
+
 from resilience.digest import digest_of
-from resilience.errors import UsageError
+from resilience.errors import ResilienceError, UsageError, shortened
 from resilience.files import replacing_file
+from resilience.inputs import MissingFileError, checked_path
 
 if TYPE_CHECKING:
     import torch
@@ -37,7 +40,7 @@ class Header:
         method: name of the algorithm.
         case: digest of the case, see `case_digest`.
         schema: digest of the observations, see `Observer.schema`.
-        iteration: iterations done.
+        iteration: iterations done, 0 or more.
         config: everything that the training was started with, as plain data.
         network: what the network of a policy is, as plain data.
         versions: of the libraries that wrote it.
@@ -48,7 +51,7 @@ class Header:
     method: str
     case: str
     schema: str
-    iteration: int
+    iteration: NonNegativeInt
     config: dict[str, Any]
     network: dict[str, Any]
     versions: dict[str, str]
@@ -84,24 +87,26 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
     Raises:
         UsageError: there is none, it is torn, or it is none of ours.
     """
-    from safetensors import SafetensorError, safe_open
+    from safetensors import safe_open
 
     try:
-        with safe_open(path, framework="pt") as opened:
+        with safe_open(checked_path(path), framework="pt") as opened:
             entry = (opened.metadata() or {}).get("resilience", "{}")
             tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
         facts = json.loads(entry)
         text = facts.get("header", "")
-        header = Header(**json.loads(text))
+        header = TypeAdapter(Header).validate_python(json.loads(text))
         if facts.get("sha256") != _digest(text, tensors):
             raise ValueError("its SHA-256 is another than was written")
-    except FileNotFoundError:
+    except MissingFileError:
         raise UsageError(
             f"{path} does not exist", hint="`resilience train --out RUN` writes such files"
         ) from None
-    except (SafetensorError, OSError, ValueError, TypeError, AttributeError) as error:
+    except ResilienceError:
+        raise
+    except Exception as error:  # SafetensorError and all that parsing its facts may raise
         raise UsageError(
-            f"{path} cannot be read as a checkpoint ({error})",
+            f"{path} cannot be read as a checkpoint ({shortened(str(error), 200)})",
             hint="it is torn or none of `resilience train`; delete it and train again",
         ) from error
     if header.format != FORMAT:
@@ -110,6 +115,17 @@ def load(path: Path) -> tuple[dict[str, torch.Tensor], Header]:
             hint="train again with this version",
         )
     return tensors, header
+
+
+def load_weights(network: torch.nn.Module, weights: Mapping[str, torch.Tensor]) -> None:
+    """Takes weights for those of a network.
+
+    Raises:
+        RuntimeError, ValueError: they are of another network, or no numbers.
+    """
+    if odd := [name for name, value in weights.items() if not value.isfinite().all()]:
+        raise ValueError(f"{odd[0]} holds what is no number")
+    network.load_state_dict(weights)
 
 
 def _digest(text: str, tensors: Mapping[str, torch.Tensor]) -> str:

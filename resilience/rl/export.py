@@ -21,8 +21,8 @@ from resilience.arrays import Floats
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
 from resilience.extras import need
-from resilience.files import check_file, replacing_file
-from resilience.rl.checkpoint import Header, load
+from resilience.files import check_file, reading, replacing_file
+from resilience.rl.checkpoint import Header, load, load_weights
 from resilience.rl.networks.acting import layers, load_outputs
 from resilience.rl.networks.nets import Actor, network
 
@@ -53,10 +53,12 @@ def export_policy(run: str | Path, to: str | Path) -> float:
         )
     check_file(to)
     write, read = FORMATS[to.suffix]
-    weights, header = load(Path(run) / POLICY_FILE)
-    inputs, units = header.notes["inputs"], header.notes["units"]
-    actor = network(header.network, inputs, len(units))
-    actor.load_state_dict(weights)
+    path = Path(run) / POLICY_FILE
+    weights, header = load(path)
+    with reading(path, "policy"):
+        inputs, units = header.notes["inputs"], header.notes["units"]
+        actor = network(header.network, inputs, len(units))
+        load_weights(actor, weights)
     actor.eval()
     rng = np.random.default_rng(0)
     observations = rng.uniform(-1.0, 1.0, (CHECKED, inputs)).astype(np.float32)

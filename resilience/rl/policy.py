@@ -12,7 +12,8 @@ from torch import nn
 from resilience.arrays import Floats
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import UsageError
-from resilience.rl.checkpoint import check_fits, load
+from resilience.files import reading
+from resilience.rl.checkpoint import check_fits, load, load_weights
 from resilience.rl.ground.bands import band
 from resilience.rl.ground.observers import observer
 from resilience.rl.networks.acting import Outputs, layers, outputs
@@ -84,9 +85,10 @@ def load_policy(setting: Setting, method: str, run: Path) -> Policy:
             f"{path} was trained by {header.method}, not {method}",
             hint=f"call it {header.method}:{run}",
         )
-    band_name, observer_name = header.config["band"], header.config["observer"]
-    eyes = observer(observer_name, setting)
-    check_fits(path, header, setting.case, eyes.schema)
-    actor = network(header.network, eyes.size, len(setting.simulator.units))
-    actor.load_state_dict(weights)
+    with reading(path, "policy"):
+        band_name, observer_name = header.config["band"], header.config["observer"]
+        eyes = observer(observer_name, setting)
+        check_fits(path, header, setting.case, eyes.schema)
+        actor = network(header.network, eyes.size, len(setting.simulator.units))
+        load_weights(actor, weights)
     return Policy(f"{method}:{run}", setting, actor, band_name, observer_name)

@@ -16,6 +16,7 @@ import numpy as np
 from resilience.digest import digest_of
 from resilience.errors import UsageError
 from resilience.files import reading, replacing_file
+from resilience.inputs import MissingFileError, checked_path
 from resilience.simulation.trajectory import Trajectory
 
 FOLDER = "trajectories"
@@ -61,10 +62,12 @@ def load_trajectory(path: str | Path, key: str = "") -> Trajectory:
         UsageError: no such file, no trajectory in it, or one that was changed or is of another key.
     """
     path = Path(path)
-    if not path.is_file():
+    try:
+        checked_path(path)
+    except MissingFileError:
         raise UsageError(
             f"trajectory file {path} does not exist", hint="`resilience compare --out` writes some"
-        )
+        ) from None
     with reading(path), path.open("rb") as opened, np.load(opened) as file:
         arrays = {f.name: file[f.name] for f in fields(Trajectory) if f.name in file}
         if str(file[DIGEST]) != digest_of([key, arrays]):
@@ -103,7 +106,7 @@ def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
 
 def _unreadable(path: Path) -> UsageError:
     return UsageError(
-        f"{path.name} holds no trajectory", hint="`resilience compare --out` writes such files"
+        f"{path} holds no trajectory", hint="`resilience compare --out` writes such files"
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.files import reading
+from resilience.inputs import checked_path
 
 Outputs = Callable[[Floats], Floats]
 """From observations (batch, numbers) to outputs (batch, units) in [-1, 1]."""
@@ -46,10 +47,34 @@ def load_outputs(path: str | Path) -> tuple[Outputs, dict[str, Any]]:
         UsageError: it cannot be read.
     """
     path = Path(path)
-    with reading(path, "exported policy"), np.load(path, allow_pickle=False) as file:
+    with (
+        reading(path, "exported policy"),
+        checked_path(path).open("rb") as opened,
+        np.load(opened, allow_pickle=False) as file,
+    ):
         weights = {name: file[name] for name in file.files if name != "about"}
         about: dict[str, Any] = json.loads(file["about"].tobytes())
+        _check(weights, about)
     return lambda observations: outputs(weights, observations), about
+
+
+def _check(weights: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> None:
+    """Refuses what is no network from as many numbers to as many units as the file says.
+
+    Raises:
+        ValueError, TypeError, KeyError: it is none.
+    """
+    names = [f"{kind}{k}" for k in range(len(weights) // 2) for kind in "wb"]
+    if sorted(names) != sorted(weights):
+        raise ValueError(f"weights are called {', '.join(weights)}")
+    for name, array in weights.items():
+        if array.ndim != 1 + name.startswith("w") or array.dtype.kind != "f":
+            raise ValueError(f"{name} has {array.ndim} axes of the kind {array.dtype}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} holds what is no number")
+    units = outputs(weights, np.zeros((1, int(about["inputs"])))).shape[1]
+    if units != len(about["units"]):
+        raise ValueError(f"{units} outputs for {len(about['units'])} units")
 
 
 def layers(state: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

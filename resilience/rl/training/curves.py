@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import reading
+from resilience.inputs import read_table, read_text
 
 CONFIG_FILE, CURVE_FILE = "config.json", "curve.csv"
 LAST_FILE, RESULT_FILE = "last.safetensors", "result.json"
@@ -87,10 +87,14 @@ def load_curves(folder: Path) -> list[LearningCurve]:
 
 def _curve(run: Path) -> LearningCurve:
     with reading(run / CURVE_FILE, "learning curve"):
-        with (run / CURVE_FILE).open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        config = json.loads((run / CONFIG_FILE).read_text("utf-8"))
-        cpu_s, gap = (np.array([float(row[name]) for row in rows]) for name in ("cpu_s", "gap"))
+        table = read_table(run / CURVE_FILE)
+        config = json.loads(read_text(run / CONFIG_FILE))
+        cpu_s, gap = (
+            np.array([table.number(cell) for cell in table.cells(name)], float)
+            for name in ("cpu_s", "gap")
+        )
+        if not (len(gap) and np.isfinite([cpu_s, gap]).all()):
+            raise ValueError("no row, or cells that are no numbers")
         return LearningCurve(int(config["seed"]), cpu_s, gap, config)
 
 

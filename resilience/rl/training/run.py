@@ -20,14 +20,16 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from resilience.case import Case
 from resilience.dispatch.registry import POLICY_FILE
 from resilience.errors import SolverError, UsageError
-from resilience.files import check_folder, clear_abandoned, locked, replacing_file
+from resilience.files import check_folder, clear_abandoned, locked, reading, replacing_file
 from resilience.progress import Meter, interruptible, meter, notice, phase
 from resilience.rl.checkpoint import Header, case_digest, check_fits, load, save, versions
 from resilience.rl.ground.observers import observer
@@ -38,6 +40,25 @@ from resilience.rl.training.trainer import LogRow, Training, TrainingOptions
 LOG_FILE = "log.jsonl"
 EVENTS_FOLDER = "events"
 CHECKPOINT_S = 30.0  # of work that is lost at most, where an iteration is shorter
+
+
+@dataclass
+class Notes:
+    """What stands beside the state of a training.
+
+    Attributes:
+        cpu_s: CPU-seconds of training so far.
+        best_cost: of the best policy on the validation days, $; None before there is one.
+        worse: validations since then.
+        first_loss: size of the first loss; None before there is one.
+        rows: of the log.
+    """
+
+    cpu_s: float
+    best_cost: float | None
+    worse: int
+    first_loss: float | None
+    rows: list[LogRow]
 
 
 class Run:
@@ -69,7 +90,8 @@ class Run:
         goes_on = folder is not None and self._goes_on(folder, resume)
         if folder is not None and goes_on and options.iterations is None:
             header = load(folder / LAST_FILE)[1]
-            options = replace(options, iterations=header.config["iterations"])
+            with reading(folder / LAST_FILE, "state of a training"):
+                options = replace(options, iterations=int(header.config["iterations"]))
         with phase("training ground"):
             self.training = Training(case, options)
         self.case = case
@@ -176,15 +198,10 @@ class Run:
         """Writes what to go on from; last of all, so that it is never ahead of what is written."""
         assert self.folder is not None
         training = self.training
-        notes = {
-            "cpu_s": training.cpu_s,
-            "best_cost": training.best_cost if self.rows else None,
-            "worse": training.worse,
-            "first_loss": training.first_loss,
-            "rows": [asdict(row) for row in self.rows],
-        }
+        best_cost = training.best_cost if self.rows else None
+        notes = Notes(training.cpu_s, best_cost, training.worse, training.first_loss, self.rows)
         state = with_prefix("learner", training.state())
-        save(self.folder / LAST_FILE, state, self._header(notes))
+        save(self.folder / LAST_FILE, state, self._header(asdict(notes)))
         self.kept_at, self.kept_iteration = time.monotonic(), training.iteration
 
     def _header(self, notes: dict[str, Any]) -> Header:
@@ -214,15 +231,23 @@ class Run:
                 f"{folder} cannot be resumed with {text}; allowed: {allowed}",
                 hint="say the same as when it was begun, or train into a new folder",
             )
-        training.learner.load_state(under_prefix("learner", tensors))
-        training.iteration = header.iteration
-        notes = header.notes
-        training.cpu_s, training.worse = notes["cpu_s"], notes["worse"]
-        training.best_cost = math.inf if notes["best_cost"] is None else notes["best_cost"]
-        training.first_loss = notes["first_loss"]
-        self.rows = [LogRow(**row) for row in notes["rows"]]
+        with reading(path, "state of a training"):
+            training.learner.load_state(under_prefix("learner", tensors))
+            self._take(header)
         self.kept_iteration = training.iteration
         notice(f"{folder}: goes on at iteration {training.iteration} of {training.iterations}")
+
+    def _take(self, header: Header) -> None:
+        """Takes counts and rows from where the run was left.
+
+        Raises:
+            ValidationError: they are none.
+        """
+        training, notes = self.training, TypeAdapter(Notes).validate_python(header.notes)
+        training.iteration, training.worse = header.iteration, notes.worse
+        training.cpu_s, training.first_loss = notes.cpu_s, notes.first_loss
+        training.best_cost = math.inf if notes.best_cost is None else notes.best_cost
+        self.rows = notes.rows
 
     def _goes_on(self, folder: Path, resume: bool) -> bool:
         """Whether there is a run to go on with; otherwise it begins.
