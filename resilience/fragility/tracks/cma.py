@@ -8,6 +8,8 @@ Wind 0 is a gap; 9 stands for less than 10 m/s and is taken as it is.
 
 from __future__ import annotations
 
+import re
+
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.plain import named_storm
 from resilience.fragility.tracks.track import Track
@@ -98,4 +100,5 @@ def _columns(rows: list[Row], about: About) -> dict[str, list[str]]:
 
 def _tenths(text: str) -> str:
     """`199` as `19.9`; what is no whole number stays, to be reported."""
-    return f"{int(text) / 10:.1f}" if text.lstrip("-").isdigit() else f"{text}?"
+    is_whole = re.fullmatch(r"-?\d{1,6}", text, re.ASCII)
+    return f"{int(text) / 10:.1f}" if is_whole else f"{text}?"
