@@ -254,7 +254,9 @@ def reading(path: Path, contents: str = "trajectory") -> Iterator[None]:
     """
     try:
         yield
-    except ResilienceError:
+    except ResilienceError as error:
+        if type(error) is UsageError and path.name not in error.message:
+            raise UsageError(f"{path}: {error.message}", hint=error.hint) from error
         raise
     except DAMAGED as error:
         text = " ".join(str(error).split())

@@ -19,6 +19,7 @@ from resilience.digest import digest_of
 from resilience.errors import ResilienceError, UsageError, shortened
 from resilience.files import replacing_file
 from resilience.inputs import MissingFileError, checked_path
+from resilience.rl.networks.acting import MAX_WEIGHT
 
 if TYPE_CHECKING:
     import torch
@@ -123,8 +124,9 @@ def load_weights(network: torch.nn.Module, weights: Mapping[str, torch.Tensor]) 
     Raises:
         RuntimeError, ValueError: they are of another network, or no numbers.
     """
-    if odd := [name for name, value in weights.items() if not value.isfinite().all()]:
-        raise ValueError(f"{odd[0]} holds what is no number")
+    for name, value in weights.items():
+        if not (value.isfinite() & (value.double().abs() <= MAX_WEIGHT)).all():
+            raise ValueError(f"{name} holds what is no weight, up to {MAX_WEIGHT:g}")
     network.load_state_dict(weights)
 
 

@@ -15,6 +15,8 @@ from resilience.arrays import Floats
 from resilience.files import reading
 from resilience.inputs import checked_path
 
+MAX_WEIGHT = 1e9
+"""Beyond, products of a few layers are no numbers any more."""
 Outputs = Callable[[Floats], Floats]
 """From observations (batch, numbers) to outputs (batch, units) in [-1, 1]."""
 
@@ -70,8 +72,8 @@ def _check(weights: Mapping[str, np.ndarray], about: Mapping[str, Any]) -> None:
     for name, array in weights.items():
         if array.ndim != 1 + name.startswith("w") or array.dtype.kind != "f":
             raise ValueError(f"{name} has {array.ndim} axes of the kind {array.dtype}")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name} holds what is no number")
+        if not (np.abs(array) <= MAX_WEIGHT).all():
+            raise ValueError(f"{name} holds what is no weight, up to {MAX_WEIGHT:g}")
     units = outputs(weights, np.zeros((1, int(about["inputs"])))).shape[1]
     if units != len(about["units"]):
         raise ValueError(f"{units} outputs for {len(about['units'])} units")
