@@ -42,7 +42,7 @@ def print_hazard(hazard: Hazard, console: Console) -> None:
 
 def _head(hazard: Hazard) -> list[str]:
     storm = hazard.storm
-    track, case = storm.track, storm.case
+    track = storm.track
     lines = [f"source   {track.source}"]
     lines += [f"filled   {field}: {note}" for field, note in track.filled.items()]
     lines.append(_closest(hazard))
