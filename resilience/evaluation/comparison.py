@@ -157,6 +157,8 @@ def _load_comparison(root: Path) -> Comparison:
         summary = json.loads((root / "summary.json").read_text(encoding="utf-8"))
         episodes = pd.read_parquet(root / "episodes.parquet")
         costs = {str(name): np.asarray(episodes[name], float) for name in episodes.columns}
+        if odd := trajectories.keys() ^ (costs.keys() - {"bound"}):
+            raise ValueError(f"{', '.join(sorted(odd))} in one of its costs and its trajectories")
         comparison = Comparison(
             case=case,
             scenarios=scenarios,
