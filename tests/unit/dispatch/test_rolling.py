@@ -127,6 +127,22 @@ def test_energy_at_the_end_is_bought_below_its_value_only() -> None:
         assert (bought > 0.0) == (charged > 0.0)
 
 
+@pytest.mark.parametrize(("risk", "cost"), [(Risk(), 0.356), (Risk(0.8, 0.5), 1.688)])
+def test_what_is_left_on_a_path_is_worth_its_share(risk: Risk, cost: float) -> None:
+    """3.3 MWh, worth 0.7 $ each at the end. On the dark path 1 MWh of them serves the second slot
+    and wears for 4 $: 1 + 4 - 0.7 * 2.3 = 3.39; on the other 1 + 1 - 0.7 * 3.3 = -0.31. The mean is
+    0.18 * 3.39 - 0.82 * 0.31; of the worst fifth 0.18 is dark: (0.18 * 3.39 - 0.02 * 0.31) / 0.2.
+    """
+    case = worn()
+    program = WindowProgram(merged_grid(case), WindowSteps(slots=2, blocks=0), 2, risk=risk)
+    up = np.ones((1, 2, 2), bool)
+    up[0, 1, 1] = False
+    share = np.array([0.82, 0.18])
+    asked = WindowRequest(0, np.full(1, 3.3), up, share, exact(case), np.full(1, 0.7))
+    assert program.decide(asked)[0] == pytest.approx(0.0, abs=1e-9)
+    assert program.solver.solve().objective == pytest.approx(cost)
+
+
 def test_steps_beyond_the_horizon_are_empty() -> None:
     """At the last slot but one, two of six slots are left: the others cost and move nothing."""
     case = feeder(slots=6)
@@ -237,6 +253,27 @@ def test_the_memory_of_outages_starts_anew_at_midnight(world: World) -> None:
     assert memory.spent[1, 0]
     notice(96, np.array([], int))
     assert not memory.spent.any()
+
+
+@pytest.mark.parametrize("kind", [MPC, Stochastic])
+def test_who_believes_in_the_bell_remembers_the_present_day(kind: type[MPC | Stochastic]) -> None:
+    """At 11:00 of the second day: in one scenario the line was down on the first from 14:00 to
+    16:00, in the other it is since 09:00.
+    """
+    case = feeder(slots=72)
+    none = Scenarios(("1-2",), np.zeros((1, 72, 2), bool), np.array([0.4, 0.6]))
+    setting = World.build(Microgrid.build(case, "copperplate"), none).setting
+    dispatcher = kind(setting)
+    blank = np.zeros((1, 2))
+    for t in range(36):
+        up = np.array([[not 14 <= t < 16, t < 33]])
+        noticed = Observation(
+            t, blank, up, blank.astype(np.intp), np.array([52, 44]), lambda _, at: blank, blank
+        )
+        dispatcher.memory.update(noticed)
+    quiet, struck = (dispatcher.memory.history(noticed, k) for k in range(2))
+    assert (quiet.t, quiet.day, quiet.since[0], quiet.spent[0]) == (11, 1, -1, False)
+    assert (struck.t, struck.day, struck.since[0], struck.spent[0]) == (11, 1, 9, True)
 
 
 def test_a_horizon_that_begins_at_noon_has_its_midnight_after_twelve_hours() -> None:

@@ -16,6 +16,7 @@ from resilience.models.program.gate import (
 )
 from resilience.models.program.referee import Audit
 from resilience.models.program.standard import Vectors
+from resilience.tolerances import BOUND_TOLERANCE
 
 
 def _vectors(cost: list[float], lower: list[float], upper: list[float]) -> Vectors:
@@ -63,6 +64,20 @@ def test_a_bound_above_the_objective_is_refused_in_every_currency(unit: float) -
     assert gap(objective, objective + 0.9 * room, scale) == 0.0
     with pytest.raises(CertificateError, match="fault of the program or of the solver"):
         gap(objective, objective + 1.1 * room, scale)
+
+
+@pytest.mark.parametrize(
+    ("objective", "largest"), [(-70.0, 70.0), (70.0, 70.0), (-3.0, 11.0), (3.0, 11.0)]
+)
+def test_rounding_is_of_the_objective_spent_or_earned_or_of_the_dearest_column(
+    objective: float, largest: float
+) -> None:
+    room = BOUND_TOLERANCE * largest
+    assert rounding(objective, 11.0) == pytest.approx(room)
+    assert rounding(np.array([5.0, objective]), 11.0)[1] == pytest.approx(room)
+    assert gap(objective, objective + 0.9 * room, 11.0) == 0.0
+    with pytest.raises(CertificateError):
+        gap(objective, objective + 1.1 * room, 11.0)
 
 
 @pytest.mark.parametrize(

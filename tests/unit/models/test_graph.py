@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from resilience.models.network.graph import bridges
+from dataclasses import replace
+
+import numpy as np
+
+from resilience.models.network.graph import bridges, bundle, cycle
 from resilience.testing import small_case
 
 
@@ -29,3 +33,24 @@ def test_the_flow_of_a_line_in_no_cycle_of_firm_lines_follows_from_the_injection
         "5-6": True,
         "6-4": True,
     }
+
+
+def test_a_line_that_stays_open_closes_no_cycle_and_shares_nothing() -> None:
+    """A ring 1-2-3 whose side 3-1 is out of use, and 3-4 with a twin that is out of use, too."""
+    pairs = [(1, 2), (2, 3), (3, 1), (3, 4), (3, 4)]
+    closed = small_case(
+        buses=4,
+        lines=[(i, j, 0.02 + 0.003 * k, 0.04 + 0.007 * k) for k, (i, j) in enumerate(pairs)],
+        load=[{"bus": "4", "p_max_mw": 0.8, "shed_cost_per_mwh": 9.0}],
+        grid=[{"import_max_mw": 1.7, "import_cost_per_mwh": 2.0}],
+    ).network
+    assert closed.line_names == ("1-2", "2-3", "3-1", "3-4", "3-4#2")
+    fallible = np.zeros(5, bool)
+    assert sorted(cycle(closed)) == ["1-2", "2-3", "3-1"]
+    assert not bridges(closed).any()
+    assert bundle(closed, fallible).line_names == ("1-2", "2-3", "3-1", "3-4")
+    in_use = np.array([True, True, False, True, False])
+    network = replace(closed, in_service=in_use)
+    assert cycle(network) == []
+    assert bridges(network)[in_use].all()
+    assert bundle(network, fallible) is network
