@@ -76,15 +76,16 @@ def holland2010(r_m: Floats, eye: Eye, share: Share) -> Floats:
     r"""Holland et al. 2010: $v = v_s ((R/r)^b e^{1 - (R/r)^b})^x$, less $c(r) v_t$.
 
     $v_s = \sqrt{b \Delta p / \rho e}$; $x$ = 0.5 inside $R$, outside linear to the value that
-    gives 17 m/s at 300 km, and at least 0.4. From pressure alone.
+    gives 17 m/s at 300 km, and at least 0.4. From $R$ = 300 km on that point says nothing of the
+    outside: $x$ = 0.4 there, to which CLIMADA's line comes. From pressure alone.
     """
     b = _b(eye, _b_2008(eye), eye.vmax_mps, 0.0)
     top = np.sqrt(b * eye.deficit_pa / (DENSITY * math.e))
     far = (eye.rmw_m / FAR_M) ** b
     fall = np.minimum(np.log(far) + 1.0 - far, -1e-9)
-    slope = (np.log(FAR_MPS / np.maximum(top, 1e-9)) / fall - 0.5) / np.maximum(
-        FAR_M - eye.rmw_m, 1.0
-    )
+    x_far = np.log(FAR_MPS / np.maximum(top, 1e-9)) / fall
+    slope = (x_far - 0.5) / np.maximum(FAR_M - eye.rmw_m, 1.0)
+    slope[eye.rmw_m >= FAR_M] = -1.0  # per metre: to 0.4 within a step
     q, log_q = _power(r_m, eye, b)
     x = np.maximum(0.5 + np.maximum(r_m - eye.rmw_m, 0.0) * slope, 0.4)
     v = top * np.exp(x * (log_q + 1.0 - q))

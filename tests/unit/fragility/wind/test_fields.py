@@ -267,6 +267,21 @@ def test_a_radius_of_maximum_wind_where_the_profile_is_pinned_has_its_top() -> N
     np.testing.assert_allclose(speed, top * np.sqrt(q * np.exp(1.0 - q)), rtol=1e-4)
 
 
+@pytest.mark.parametrize("wide_km", [300.0, 350.0, 480.0])
+@pytest.mark.parametrize(("deficit", "vmax_mps"), [(70.0, 50.0), (9.0, 20.0)])
+def test_outside_a_radius_that_wide_the_wind_falls_slowly(
+    wide_km: float, deficit: float, vmax_mps: float
+) -> None:
+    """An exponent of 0.4, whether the top is above 17 m/s or below: 57.7 and 15.1."""
+    track = cyclone(at=EQUATOR, rmw_km=wide_km, pressure_hpa=1010.0 - deficit, vmax_mps=vmax_mps)
+    outside = np.array([1.02, 1.3, 2.1])
+    speed = along_a_ray("holland2010", track, 1000.0 * wide_km * outside)
+    b = -4.4e-5 * deficit**2 + 0.01 * deficit + 1.0
+    top = math.sqrt(b * 100.0 * deficit / (1.15 * math.e))
+    q = outside**-b
+    np.testing.assert_allclose(speed, top * (q * np.exp(1.0 - q)) ** 0.4, rtol=1e-6)
+
+
 @pytest.mark.parametrize("model", ["holland1980", "holland2008", "holland2010", "willoughby2006"])
 @pytest.mark.parametrize("knots", [35.0, 65.0, 135.0, 165.0])
 @pytest.mark.parametrize("lat", [20.0, -13.0])
