@@ -163,25 +163,31 @@ def switch() -> TinyProgram:
     return TinyProgram("switch", one_node(stage), 0.0, relaxed=-0.5, integers=True)
 
 
-def on_a_shifted_disc(x_cost: float, optimum: float, name: str) -> TinyProgram:
-    """A linear cost on the disc of radius 2 around (-1, 0)."""
+def on_a_shifted_disc(x_cost: float, y_cost: float, optimum: float, name: str) -> TinyProgram:
+    """A linear cost on the disc of radius 2 around (-1, 0.7)."""
     stage = Stage(1.0)
     x, y = (stage.var(name, ["a"], -5.0, 5.0) for name in "xy")
-    stage.disc("rating", 2.0, x + 1.0, y)
-    stage.cost("x", x, x_cost)
+    stage.disc("rating", 2.0, x + 1.0, y - 0.7)
+    stage.cost("all", x * x_cost + y * y_cost)
     return TinyProgram(name, one_node(stage), optimum, {Disc})
 
 
 @tiny_program
 def shifted_disc() -> TinyProgram:
-    """max x with |(x + 1, y)| <= 2: x = 1."""
-    return on_a_shifted_disc(-1.0, -1.0, "shifted_disc")
+    """max x with |(x + 1, y - 0.7)| <= 2: x = 1."""
+    return on_a_shifted_disc(-1.0, 0.0, -1.0, "shifted_disc")
 
 
 @tiny_program
 def shifted_disc_below() -> TinyProgram:
     """min x: x = -3."""
-    return on_a_shifted_disc(1.0, -3.0, "shifted_disc_below")
+    return on_a_shifted_disc(1.0, 0.0, -3.0, "shifted_disc_below")
+
+
+@tiny_program
+def shifted_disc_beside() -> TinyProgram:
+    """max y: y = 2.7."""
+    return on_a_shifted_disc(0.0, -1.0, -2.7, "shifted_disc_beside")
 
 
 def one_cone(

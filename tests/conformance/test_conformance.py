@@ -84,9 +84,10 @@ POLYGONS = {  # optimum of the polygon with 12 sides within, and of the one arou
     # The vertex of either that lies nearest to (3, 4) is at 45 degrees.
     "disc": (-7.0 * np.sqrt(2.0), -7.0 * np.sqrt(2.0) / np.cos(np.pi / 12)),
     "disc_below": (-7.0 * np.sqrt(2.0), -7.0 * np.sqrt(2.0) / np.cos(np.pi / 12)),
-    # A side of either is normal to the x axis.
+    # A side of either is normal to the x axis, and one to the y axis.
     "shifted_disc": (1.0 - 2.0 * np.cos(np.pi / 12), -1.0),
     "shifted_disc_below": (-1.0 - 2.0 * np.cos(np.pi / 12), -3.0),
+    "shifted_disc_beside": (-0.7 - 2.0 * np.cos(np.pi / 12), -2.7),
 }
 
 

@@ -21,7 +21,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Physics
 from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.unroll import unroll
-from resilience.models.structures import Cone
+from resilience.models.structures import Cone, Disc
 from resilience.testing import small_case
 from tests.property.random_cases import quick
 
@@ -185,3 +185,20 @@ def test_tangents_touch_the_cone_and_cut_off_nothing_of_it(seed: int) -> None:
     outside = touched.copy()
     outside[problem.columns("u").ravel()] -= 0.1
     assert (rows @ outside > sides).all()
+
+
+def test_the_tangent_of_a_disc_by_hand() -> None:
+    """Of radius 2 around (-1, 0.7), towards (2, 4.7), which is (3, 4) away from its centre:
+    0.6 (x + 1) + 0.8 (y - 0.7) <= 2.
+    """
+    stage = Stage(1.0)
+    x, y = (stage.var(name, ["a"], -9.0, 9.0) for name in "xy")
+    stage.disc("rating", 2.0, x + 1.0, y - 0.7)
+    problem = unroll([stage], Tree.chain(["now"]))
+    (unrolled,) = problem.structures_of(Disc).values()
+    z = np.zeros(problem.n_columns)
+    columns = [problem.columns(name)[0, 0] for name in "xy"]
+    z[columns] = 2.0, 4.7
+    rows, sides = unrolled.structure.tangents(unrolled, z)
+    assert rows.toarray()[0, columns] == pytest.approx([0.6, 0.8])
+    assert sides == pytest.approx([2.0 - 0.6 + 0.56])
