@@ -6,8 +6,10 @@ import math
 from datetime import datetime
 from pathlib import Path
 
+from resilience.arrays import Times
 from resilience.case.data import Case
 from resilience.case.profiles import read_profile_file
+from resilience.case.schema.tables import MAX_SLOTS
 from resilience.errors import UsageError
 
 USUAL_DAYS = 16
@@ -31,9 +33,8 @@ def held_out(case: Case, days: int | None = None) -> Case:
             )
         return case.replace(outages=())
     days = USUAL_DAYS if days is None else days
-    file = case.source.get("profiles", {}).get("file")
-    per_day = case.window.slots_per_day
-    if file is None:
+    per_day, times = case.window.slots_per_day, _profile_times(case)
+    if times is None:
         if case.slots != days * per_day:
             raise UsageError(
                 f"case {case.name!r} has no profile file beyond its {case.slots} slots; "
@@ -41,7 +42,6 @@ def held_out(case: Case, days: int | None = None) -> Case:
                 hint="name a profile file in [profiles] to evaluate on more days",
             )
         return case
-    times = read_profile_file(Path(file)).times
     total = len(times) // per_day
     max_days = math.ceil(TEST_SHARE * total)
     if not 0 < days <= max_days:
@@ -64,9 +64,7 @@ def training(case: Case) -> Case:
     """
     if case.storm is not None and case.storm.points:
         return case.replace(outages=())
-    file = case.source.get("profiles", {}).get("file")
-    per_day = case.window.slots_per_day
-    times = None if file is None else read_profile_file(Path(file)).times
+    per_day, times = case.window.slots_per_day, _profile_times(case)
     total = case.slots // per_day if times is None else len(times) // per_day
     days = total - math.ceil(TEST_SHARE * total)
     if days < 1:
@@ -79,3 +77,25 @@ def training(case: Case) -> Case:
         return case.replace(slots=days * per_day, outages=())
     first: datetime = times[0].astype("datetime64[s]").item()
     return case.replace(start=first, slots=days * per_day, outages=())
+
+
+def check_days(case: Case, days: int) -> None:
+    """Refuses more whole days than the profiles have; without a file, than a case may have slots.
+
+    Raises:
+        UsageError: they are more.
+    """
+    times = _profile_times(case)
+    max_days = (MAX_SLOTS if times is None else len(times)) // case.window.slots_per_day
+    if days > max_days:
+        limit = f"{MAX_SLOTS:,} slots" if times is None else f"the {max_days} of its profiles"
+        raise UsageError(
+            f"--days {days} of case {case.name!r}; allowed: 1 to {max_days}, {limit}",
+            hint="-n draws more storms instead",
+        )
+
+
+def _profile_times(case: Case) -> Times | None:
+    """(slots,) starts of the slots of a case's profile file; None without a file."""
+    file = case.source.get("profiles", {}).get("file")
+    return None if file is None else read_profile_file(Path(file)).times

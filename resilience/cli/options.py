@@ -77,7 +77,9 @@ Days = Annotated[
         help="Days of an episode, the last of the profiles; 16; with a storm, the case's horizon."
     ),
 ]
-ScenarioCount = Annotated[int, Option("-n", help="How many.")]
+MAX_STORMS = 10**9
+"""More than any memory holds, and few enough for the shape of an array."""
+ScenarioCount = Annotated[int, Option("-n", help="How many.", max=MAX_STORMS)]
 ScenarioSeed = Annotated[int, Option(help="The same seed draws the same scenarios.")]
 WholeDays = Annotated[
     int | None, Option(help="Whole days from the start; the case's horizon if omitted.")

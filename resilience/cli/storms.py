@@ -98,7 +98,9 @@ def hazard(
     storm: options.TrackStorm = None,
     averaging_s: options.Averaging = None,
     agency: options.Agency = None,
-    n: Annotated[int, typer.Option("-n", help="Storms drawn for islands.", min=1)] = 1000,
+    n: Annotated[
+        int, typer.Option("-n", help="Storms drawn for islands.", min=1, max=options.MAX_STORMS)
+    ] = 1000,
     seed: Annotated[int, typer.Option(help="Of these storms.", min=0)] = 0,
     out: options.HazardFolder = None,
     plot: options.HazardPicture = None,

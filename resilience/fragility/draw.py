@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.days import check_days
 from resilience.case.window import DAY_MIN
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, BellSettings, case_bell
@@ -75,7 +76,9 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
     count = -(-(offset + slots) // per_day)
     down = np.zeros((len(lines), slots, n), bool)
     forecast_peaks = np.zeros((count, n), np.intp)
-    for k, rng in enumerate(np.random.default_rng(seed).spawn(n)):
+    root = np.random.default_rng(seed)
+    for k in range(n):
+        rng = root.spawn(1)[0]  # one by one: a generator takes more memory than its outages
         drawn = [draw_day(bell, len(lines), per_day, rng) for _ in range(count)]
         forecast_peaks[:, k] = [day.forecast for day in drawn]
         down[:, :, k] = outage_path(drawn, bell)[:, offset : offset + slots]
@@ -182,7 +185,8 @@ def draw(  # noqa: PLR0913 every one is an option of the command line
         bell: settings of the bell; any of them that is not None asks for it.
 
     Raises:
-        CaseError, UsageError: as `storm_scenarios` and `sample_bell`, or both asked for.
+        CaseError, UsageError: as `storm_scenarios` and `sample_bell`, both asked for, or more days
+            than the case's profiles have.
     """
     from resilience.fragility.chain import reader, storm_scenarios
 
@@ -199,6 +203,8 @@ def draw(  # noqa: PLR0913 every one is an option of the command line
                 f"shift {shift:g} of a bell; allowed: of a storm only",
                 hint="give a track, or state a storm in the case",
             )
+        if days is not None:
+            check_days(case, days)
         return sample_bell(case, case_bell(case, **bell), n, seed, days=days)
     if days is not None:
         raise UsageError(

@@ -13,6 +13,8 @@ from pydantic import ConfigDict, Field
 
 from resilience.case.schema.fields import Loose, Money, Name, Positive, Price, Table
 
+MAX_SLOTS = 1_000_000
+"""Of a horizon."""
 MAX_SIGMA_SLOTS = 960
 """Ten days: beyond, a bell is as wide as the horizon, and a number is a slip."""
 Slots = Annotated[int, Field(gt=0, le=366 * 96)]
@@ -106,7 +108,7 @@ class TimeTable(Table):
     """`[time]`: the horizon."""
 
     start: datetime = Field(description="local date and time of the first slot's start")
-    slots: int = Field(gt=0, le=1_000_000, description="number of time slots")
+    slots: int = Field(gt=0, le=MAX_SLOTS, description="number of time slots")
     step_min: Positive = Field(
         ge=1 / 60, le=7 * 24 * 60, description="length of a slot, minutes: a second to a week"
     )

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from resilience.arrays import Bools, Ints
 from resilience.case import Case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.weights import effective_number
@@ -21,8 +23,7 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
     dates = [case.window.time(t).date() for t in range(scenarios.slots)]
     first = [t for t, date in enumerate(dates) if t == 0 or date != dates[t - 1]]
     down, weight = scenarios.down, scenarios.probability
-    before = np.pad(down, ((0, 0), (1, 0), (0, 0)))[:, :-1]
-    begins = np.add.reduceat(down & ~before, first, axis=1, dtype=np.intp)
+    begins = _begins(down, first)
     hours = down.sum(axis=1) @ weight * case.step_h
     counts = begins.sum(axis=1) @ weight
     ever = down.any(axis=1) @ weight
@@ -52,3 +53,20 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
         "all_out_chance": float(together.any(axis=0) @ weight),
         "all_out_chance_per_day": float(all_out),
     }
+
+
+def _begins(down: Bools, first: Sequence[int]) -> Ints:
+    """(lines, days, scenarios) how many outages begin on each day.
+
+    A line after the other: sums of all at once would take eight bytes a slot.
+
+    Args:
+        down: (lines, slots, scenarios) where a line is down.
+        first: (days,) first slot of each.
+    """
+    begins: Ints = np.zeros((len(down), len(first), down.shape[2]), np.int32)
+    for k, path in enumerate(down):
+        begin = path.copy()
+        begin[1:] &= ~path[:-1]
+        begins[k] = np.add.reduceat(begin, first, axis=0, dtype=np.int32)
+    return begins

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import resilience as rs
 from resilience.case.outages import outage_texts
 from resilience.cli import main
-from resilience.fragility import Bell, load_scenarios, sample_bell, sample_outages
+from resilience.fragility import Bell, draw, load_scenarios, sample_bell, sample_outages
+from tests.unit.fragility.storms import feeder
 
 
 def call(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -63,6 +65,31 @@ def test_mistakes_are_said_before_anything_is_written(
     assert code == 1
     assert "probability 1.0; allowed: 0 up to, but not, 1" in err
     assert not list(tmp_path.iterdir())
+
+
+def test_days_beyond_the_profiles_are_refused_before_anything_is_drawn(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = call(capsys, "scenarios", "ieee33-tou", "--days", "62", "-n", "2", "--json")
+    assert (code, json.loads(out)["days"], err) == (0, 62, "")
+    monkeypatch.setattr(draw, "draw_day", None)
+    code, _, err = call(capsys, "scenarios", "ieee33-tou", "--days", "63")
+    assert code == 1
+    assert "--days 63 of case 'ieee33-tou'; allowed: 1 to 62, the 62 of its profiles\nhint" in err
+    with pytest.raises(rs.UsageError, match="allowed: 1 to 10416, 1,000,000 slots"):
+        draw.draw(feeder(), 2, 0, days=10417)
+
+
+def test_a_full_memory_is_an_error_with_a_remedy(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(draw, "draw_day", lambda *_: np.zeros((2**40, 2**10)))
+    code, _, err = call(capsys, "scenarios", "ieee33-tou", "-n", "3")
+    assert (code, err.splitlines()[0]) == (1, "error: the memory is full")
+    assert "fewer scenarios" in err
+    for command in ("scenarios", "hazard"):
+        code, _, err = call(capsys, command, "ieee33_koinu", "-n", "99999999999999999999")
+        assert (code, "-n" in err) == (2, True)
 
 
 def test_a_plan_for_a_drawn_storm() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 
@@ -21,7 +23,7 @@ from resilience.fragility import (
     sample_outages,
     summary,
 )
-from resilience.fragility.draw import Day, outage_path, shifts
+from resilience.fragility.draw import Day, draw_day, outage_path, shifts
 from resilience.testing import small_case
 from tests.unit.fragility.storms import LINES, feeder
 
@@ -204,6 +206,29 @@ def test_no_breakpoint_and_bad_numbers() -> None:
     for n, seed, days in ((0, 0, None), (1, -1, None), (1, 0, 0)):
         with pytest.raises(UsageError, match="allowed: 1 or more"):
             sample_bell(CASE, Bell(), n, seed, days=days)
+
+
+def peak_bytes(work: Callable[[], object]) -> int:
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_draw_and_its_summary_take_little_more_memory_than_the_outages() -> None:
+    case, bell = feeder(days=2), Bell()
+    drawn = sample_bell(case, bell, 2000, 3)
+    assert peak_bytes(lambda: sample_bell(case, bell, 2000, 3)) < 1.5 * drawn.down.nbytes
+    assert peak_bytes(lambda: summary(drawn, case)) < 1.5 * drawn.down.nbytes
+
+
+def test_every_scenario_has_the_stream_that_its_seed_spawns() -> None:
+    drawn = sample_bell(CASE, Bell(), 7, 11)
+    for k, rng in enumerate(np.random.default_rng(11).spawn(7)):
+        day = draw_day(Bell(), len(LINES), CASE.slots, rng)
+        assert np.array_equal(drawn.down[:, :, k], outage_path([day], Bell()))
 
 
 def test_the_summary_of_a_list() -> None:
