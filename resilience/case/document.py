@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Set
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from resilience.case.schema import DEVICES
@@ -91,8 +93,20 @@ class Document:
         if len(where) != 3 or not _is_keyed(where[0]):
             return False
         kind, name, key = where
-        namesakes = [entry for entry in self.entries(kind) if entry_name(kind, entry) == name]
-        return key in self.defaults(kind) and not any(key in entry for entry in namesakes)
+        return key in self.defaults(kind) and key not in self.stated_keys(kind, name)
+
+    def stated_keys(self, kind: str, name: str) -> Set[str]:
+        """The keys that the entries of a name state themselves, without their defaults."""
+        return self._keys_by_name.get((kind, name), frozenset())
+
+    @cached_property
+    def _keys_by_name(self) -> dict[tuple[str, str], set[str]]:
+        """The keys of every keyed entry: looked through once, however many mistakes there are."""
+        keys: defaultdict[tuple[str, str], set[str]] = defaultdict(set)
+        for kind in filter(_is_keyed, self.data):
+            for entry in self.entries(kind):
+                keys[kind, entry_name(kind, entry)].update(entry)
+        return keys
 
     def file_of(self, *where: str) -> str:
         """The file that a table or key comes from, the innermost that is known."""

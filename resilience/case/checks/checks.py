@@ -9,7 +9,6 @@ import numpy as np
 from resilience.case.checks.grids import check_grids
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules, check_units
-from resilience.case.document import entry_name
 from resilience.case.networks.network import Network
 from resilience.case.reading import show
 from resilience.case.schema import DEVICES
@@ -71,9 +70,7 @@ def _check_prices(parts: Parts) -> None:
 
 def _keys_in_file(parts: Parts, kind: str, name: str) -> set[str]:
     """The keys that a device has in the file, its defaults included."""
-    document = parts.document
-    entries = [entry for entry in document.entries(kind) if entry_name(kind, entry) == name]
-    return set().union(document.defaults(kind), *entries)
+    return {*parts.document.defaults(kind), *parts.document.stated_keys(kind, name)}
 
 
 def _check_forming(parts: Parts) -> None:
