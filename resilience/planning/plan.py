@@ -63,6 +63,7 @@ class Plan(CertifiedPlan):
         "bound_of",
         "relaxed",
         "notes",
+        "not_modelled",
         "audit",
         "audit_worst",
         "costs",
@@ -165,7 +166,9 @@ def _load_plan(root: Path) -> Plan:
         )
     with reading(root / SUMMARY_FILE, "summary of a plan"):
         summary = dict(json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8")))
-    stated = summary.pop("kind", PLAN.name)  # earlier versions did not say it
+    # Earlier versions said neither.
+    stated = summary.pop("kind", PLAN.name)
+    summary.setdefault("not_modelled", [])
     if stated != PLAN.name or summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",
@@ -207,6 +210,7 @@ def _read_plan(root: Path, summary: dict[str, Any], case: Case | None) -> Plan:
         ),
         horizon=Horizon(summary["start"], summary["step_min"]),
         notes=summary["notes"],
+        not_modelled=summary["not_modelled"],
         seconds_by_phase=summary["seconds_by_phase"],
         tables=read_tables(root, {name: name for name in table_units()}),
         case=case,

@@ -186,6 +186,7 @@ class CertifiedPlan:
         totals: what the plan costs.
         horizon: when its slots are.
         notes: what else a reader should know, in words.
+        not_modelled: what of the network's source is in no number of the plan, in words.
         seconds_by_phase: how long each phase took.
         tables: every quantity by slot; see `tables.table_units`.
         case: the case as solved; None where it was not kept.
@@ -200,6 +201,7 @@ class CertifiedPlan:
     totals: Costs
     horizon: Horizon
     notes: list[str]
+    not_modelled: list[str]
     seconds_by_phase: dict[str, float]
     tables: Mapping[str, SlotTable] = field(repr=False)
     case: Case | None = field(repr=False, compare=False)
@@ -295,6 +297,7 @@ COMMON_KINDS: dict[str, Any] = {
     "physics": Literal["copperplate", "lindistflow", "distflow"],
     "objective": float,
     "notes": list[str],
+    "not_modelled": list[str],
     "start": datetime,
     "step_min": float,
     "seconds_by_phase": dict[str, float],

@@ -83,6 +83,7 @@ def full_plan(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> 
         ),
         horizon=horizon,
         notes=planned.notes,
+        not_modelled=[str(omission) for omission in case.omissions],
         seconds_by_phase=seconds_by_phase,
         tables={**planned.tables, "staying": SlotTable(("probability",), staying[None])},
         case=case,

@@ -117,6 +117,7 @@ class ScenarioPlan(CertifiedPlan):
         "half_left_at",
         "relaxed",
         "notes",
+        "not_modelled",
         "audit",
         "audit_worst",
         "start",
@@ -326,6 +327,7 @@ def _load_scenario_plan(root: Path) -> ScenarioPlan:
             hint="`resilience solve CASE --method stochastic --out FOLDER` writes one",
         )
     summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
+    summary.setdefault("not_modelled", [])  # earlier versions did not say it
     case = load_case(root / "case.toml")
     outages = load_scenarios(root / SCENARIOS_FILE, case)
     with reading(root, "plan over scenarios"), of_file(root):
@@ -366,6 +368,7 @@ def _read_plan(root: Path, summary: dict[str, Any], case: Case, outages: Scenari
         ),
         horizon=Horizon(summary["start"], summary["step_min"]),
         notes=summary["notes"],
+        not_modelled=summary["not_modelled"],
         seconds_by_phase=summary["seconds_by_phase"],
         tables=read_tables(root, {name: name for name in (*table_units(), "staying")}),
         case=case,

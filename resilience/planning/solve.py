@@ -175,6 +175,7 @@ def plan_known_outages(
         totals=point.totals,
         horizon=Horizon.of_case(case),
         notes=[*result.notes, *trip_notes(program.case, point.tables)],
+        not_modelled=[str(omission) for omission in case.omissions],
         seconds_by_phase=seconds,
         tables=point.tables,
         case=case,

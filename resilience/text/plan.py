@@ -11,7 +11,6 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from resilience.case.networks.omissions import omission_text
 from resilience.case.outages import outage_texts
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
@@ -28,8 +27,8 @@ def print_plan(plan: Plan, console: Console) -> None:
     """Prints the plan: verdict, what was assumed, costs, energy, shedding, certificate, time."""
     console.print(_verdict(plan))
     console.print(_assumed(plan))
-    if plan.case is not None and plan.case.omissions:
-        console.print(not_modelled(plan.case))
+    if plan.not_modelled:
+        console.print(not_modelled(plan))
     for section in (
         _money_and_energy(plan, console.width),
         _shed(plan),
@@ -70,9 +69,9 @@ def _assumed(plan: Plan) -> Text:
     return text.append("and knows it in advance: a real operator would not", "yellow")
 
 
-def not_modelled(case: Case) -> Text:
-    """What of the network's source is in no answer."""
-    return Text(f"not modelled: {omission_text(case.omissions)}", "yellow")
+def not_modelled(plan: CertifiedPlan) -> Text:
+    """What of the network's source is in no number of a plan."""
+    return Text(f"not modelled: {'; '.join(plan.not_modelled)}", "yellow")
 
 
 def grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:

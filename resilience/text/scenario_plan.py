@@ -20,8 +20,8 @@ MAX_SCHEDULE_ROWS = 12  # more would not be read
 def print_scenario_plan(plan: ScenarioPlan, console: Console) -> None:
     """Prints the plan: costs and bound, the common schedule, scenarios, certificate, time."""
     console.print(_verdict(plan))
-    if plan.case is not None and plan.case.omissions:
-        console.print(not_modelled(plan.case))
+    if plan.not_modelled:
+        console.print(not_modelled(plan))
     proof = certificate(plan, " in every scenario", f"{plan.algorithm}; ")
     for section in (_schedule(plan), _over_scenarios(plan), proof):
         console.print()

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import resilience as rs
+
 PROGRESS = re.compile(r" *\d+\.\d s  ")
 
 COMMAND = Path(sys.executable).parent / "resilience"
@@ -240,3 +242,11 @@ def test_what_of_a_network_is_not_modelled_is_said_by_every_command(tmp_path: Pa
     assert f"warning: {said}\n" in run("case", "check", case).stdout
     solved = run("solve", case, "--method", "lp")
     assert f"assumes no outage\n{said}\n" in solved.stdout
+    parts = ["1 tap (1-2: 0.95)", "1 shunt of 0.6 Mvar (2)"]
+    known, blind = tmp_path / "known", tmp_path / "blind"
+    answer = json.loads(run("solve", case, "--method", "lp", "--json", "--out", known).stdout)
+    assert answer["not_modelled"] == rs.load_plan(known).not_modelled == parts
+    (tmp_path / "calm.csv").write_text("scenario,line,first,stop,weight\n0,,,,1\n")
+    words = ("--method", "rule", "--outages", tmp_path / "calm.csv", "--json", "--out", blind)
+    answer = json.loads(run("solve", case, *words).stdout)
+    assert answer["not_modelled"] == rs.load_scenario_plan(blind).not_modelled == parts

@@ -27,6 +27,7 @@ PLAN: dict[str, Any] = {
     "bound_of": "lindistflow",
     "relaxed": ["ess: 1 of 2 mode elements are in two modes at once"],
     "notes": ["the time limit ended the search; this is the best plan found"],
+    "not_modelled": [],
     "audit": {"balance.p": 0.0, "ess": 0.25},
     "audit_worst": "ess[ess1, 00:00]",
     "costs": {"grid.import": 8.0},
@@ -71,6 +72,7 @@ SCENARIO_PLAN: dict[str, Any] = {
     "half_left_at": "2016-07-12T01:00:00",
     "relaxed": [],
     "notes": [],
+    "not_modelled": [],
     "audit": {"balance.p": 0.0},
     "audit_worst": "balance.p[1, 00:00] in scenario 1",
     "start": "2016-07-12T00:00:00",
@@ -85,10 +87,11 @@ GRID = {"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}
 
 
 def written(folder: Path, summary: dict[str, Any]) -> str:
-    text = json.dumps(summary, indent=2) + "\n"
+    """Writes a summary as an earlier version did, and gives it as it is today."""
+    earlier = {key: value for key, value in summary.items() if key != "not_modelled"}
     folder.mkdir()
-    (folder / "summary.json").write_text(text, encoding="utf-8")
-    return text
+    (folder / "summary.json").write_text(json.dumps(earlier, indent=2) + "\n", encoding="utf-8")
+    return json.dumps(summary, indent=2) + "\n"
 
 
 def of_kind(kind: str, text: str) -> str:
