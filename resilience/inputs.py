@@ -16,6 +16,7 @@ import io
 import os
 import re
 import zlib
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -206,9 +207,7 @@ def read_table(path: Path, *, is_padded: bool = False) -> TextTable:
     """
     name, text = shown_name(path), read_text(path)
     first = next((line for line in text.split("\n") if line.strip() and line[0] != "#"), "")
-    bare = re.sub(r'"[^"]*"', "", first)
-    separator = max(_SEPARATORS, key=bare.count)
-    separator = separator if separator in bare else ","
+    separator = separator_of(first)
     reader = csv.reader(io.StringIO(text), delimiter=separator, strict=True)
     rows, numbers = list[tuple[str, ...]](), list[int]()
     try:
@@ -223,10 +222,22 @@ def read_table(path: Path, *, is_padded: bool = False) -> TextTable:
     _check_heading(name, columns)
     cells = [_fitted(name, number, row, len(columns), is_padded)
              for number, row in zip(numbers[1:], rows[1:], strict=True)]  # fmt: skip
-    has_commas = separator != "," and any(
-        _COMMA_NUMBER.fullmatch(cell) for row in cells for cell in row
-    )
+    has_commas = has_decimal_commas(cells, separator)
     return TextTable(name, columns, tuple(cells), tuple(numbers[1:]), has_commas)
+
+
+def separator_of(heading: str) -> str:
+    """What separates the cells of a table: of comma, semicolon and tabulator the most frequent."""
+    bare = re.sub(r'"[^"]*"', "", heading)
+    separator = max(_SEPARATORS, key=bare.count)
+    return separator if separator in bare else ","
+
+
+def has_decimal_commas(rows: Iterable[Sequence[str]], separator: str) -> bool:
+    """Whether numbers among these cells have a comma where others have a point."""
+    return separator != "," and any(
+        _COMMA_NUMBER.fullmatch(cell.strip()) for row in rows for cell in row
+    )
 
 
 def _check_heading(name: str, columns: tuple[str, ...]) -> None:

@@ -1,6 +1,8 @@
 """CSV files with a heading: time, lat, lon, pressure_hpa, vmax_mps or vmax_kt, and more.
 
-Lines that begin with `#` are comments. A column `storm` or `name` tells several storms apart.
+Lines that begin with `#` are comments. A column `storm` or `name` tells several storms apart. Cells
+are separated by commas, or as spreadsheets do it where a comma is the decimal sign: by semicolons
+or tabulators.
 """
 
 from __future__ import annotations
@@ -8,8 +10,9 @@ from __future__ import annotations
 import csv
 
 from resilience.errors import CaseError, UsageError
-from resilience.fragility.tracks.columns import About, build
+from resilience.fragility.tracks.columns import QUANTITIES, SYNONYMS, About, build
 from resilience.fragility.tracks.track import Track
+from resilience.inputs import has_decimal_commas, separator_of
 
 MAX_LISTED = 8  # names of storms in a message
 
@@ -21,7 +24,8 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         CaseError: mistakes in the file.
         UsageError: the storm is not in it, or must be named.
     """
-    rows, numbers = data_rows(text)
+    separator = _separator(text)
+    rows, numbers = data_rows(text, separator)
     heading = [cell.strip() for cell in rows[0]] if rows else []
     lower = [cell.lower() for cell in heading]
     body = []
@@ -32,7 +36,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
                 "columns",
                 len(row),
                 f"{len(heading)}, as the heading has",
-                "count the commas",
+                "count the separators",
             )
         else:
             body.append((row, number))
@@ -47,10 +51,34 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         about.wrong("heading", "columns", "a name twice", "each name once", "rename one of them")
         raise CaseError(about.mistakes, "the track")
     about.rows = [number for _, number in body]
-    return build({key: [row[k] for row, _ in body] for k, key in enumerate(heading)}, about)
+    columns = {key: [row[k] for row, _ in body] for k, key in enumerate(heading)}
+    if has_decimal_commas((row for row, _ in body), separator):
+        columns = _with_points(columns, about)
+    return build(columns, about)
 
 
-def data_rows(text: str) -> tuple[list[list[str]], list[int]]:
+def _separator(text: str) -> str:
+    """What stands between the cells of a file, by its heading."""
+    heads = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    return separator_of(next(heads, ""))
+
+
+def _with_points(columns: dict[str, list[str]], about: About) -> dict[str, list[str]]:
+    """Columns with points for the decimal commas of numbers; points among them are mistakes."""
+    changed = dict(columns)
+    for heading, cells in columns.items():
+        key = SYNONYMS.get(heading.lower(), heading.lower())
+        if key not in (*QUANTITIES, "averaging_s"):
+            continue
+        for number, cell in zip(about.rows or (), cells, strict=True):
+            if "." in cell:
+                hint = "among decimal commas a point separates thousands, or is a slip"
+                about.wrong(number, key, cell, "a number with a decimal comma, or nothing", hint)
+        changed[heading] = ["" if "." in cell else cell.replace(",", ".") for cell in cells]
+    return changed
+
+
+def data_rows(text: str, separator: str = ",") -> tuple[list[list[str]], list[int]]:
     """The rows of a CSV file without comments and blanks, and their lines from 1."""
     lines = [
         (line, k)
@@ -58,7 +86,9 @@ def data_rows(text: str) -> tuple[list[list[str]], list[int]]:
         if line.strip() and not line.lstrip().startswith("#")
     ]
     # Line by line: a stray quotation mark must not swallow the rows below it.
-    return [row for line, _ in lines for row in csv.reader([line])], [k for _, k in lines]
+    return [row for line, _ in lines for row in csv.reader([line], delimiter=separator)], [
+        k for _, k in lines
+    ]
 
 
 def named_storm(names: list[str], storm: str | None, file: str) -> str:

@@ -150,6 +150,33 @@ def test_plain_csv(tmp_path: Path) -> None:
     assert track.filled["vmax_mps"] == "1 of 2: regression on the pressure"
 
 
+SHEET = """\
+\ufeff# Rammasun, as a spreadsheet writes it where the comma is the decimal sign
+Time;Lat;Lon;vmax_mps;Pressure_hPa;Averaging_s;note
+2014-07-18T06:00;19,9;110,8;60,5;905;120;7.5
+2014-07-18T12:00;20,3;109,75;;912,5;120,0;"landfall; 1.5 km off"
+"""
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_spreadsheet_s_semicolons_and_decimal_commas(separator: str, tmp_path: Path) -> None:
+    track = read_track(written(tmp_path, SHEET.replace(";", separator), "sheet.csv"))
+    assert track.lat.tolist() == [19.9, 20.3]
+    assert track.lon.tolist() == [110.8, 109.75]
+    assert track.pressure_hpa.tolist() == [905.0, 912.5]
+    assert (track.vmax_mps[0], track.averaging_s) == (60.5, 120.0)
+
+
+def test_a_point_among_decimal_commas_is_a_mistake(tmp_path: Path) -> None:
+    mixed = SHEET.replace("20,3;", "20.3;").replace("912,5", "1.012,5")
+    with pytest.raises(CaseError) as caught:
+        read_track(written(tmp_path, mixed, "sheet.csv"))
+    assert [(wrong.table, wrong.key, wrong.value) for wrong in caught.value.mistakes] == [
+        ("row 4", "lat", "20.3"),
+        ("row 4", "pressure_hpa", "1.012,5"),
+    ]
+
+
 def test_eight_storms_of_a_file_are_named_and_the_others_counted(tmp_path: Path) -> None:
     rows = [f"s{k},2014-07-18T{k:02}:00,20,115,40" for k in range(11)]
     path = written(tmp_path, "\n".join(["storm,time,lat,lon,vmax_mps", *rows]))
