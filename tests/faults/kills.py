@@ -17,12 +17,16 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 import resilience as rs
+from resilience.case.measured.series import Measured, write_measured_case
 from resilience.files import HIDDEN
 from resilience.parts import load_part, save_part
 from resilience.results import KINDS, PARTS_FOLDER, settle
@@ -43,6 +47,7 @@ class Kind:
         earlier: writes an earlier one; None where one is never replaced.
         later: writes the one that is killed.
         read: the package's own reader; it may put in place what was finished.
+        seen: what a reader gets of it, where that is not all that lies there.
     """
 
     name: str
@@ -50,6 +55,7 @@ class Kind:
     earlier: Write | None
     later: Write
     read: Write
+    seen: Callable[[Path], Any] = field(default_factory=lambda: contents)
 
 
 def main(root: Path, share: float, names: list[str]) -> None:
@@ -74,7 +80,9 @@ def tried(kind: Kind, start: str, root: Path, share: float) -> dict[str, Any]:
     copied(before, place["later"])
     kind.later(place["later"])
     old, new = contents(place["earlier"]), contents(place["later"])
+    views = kind.seen(place["earlier"]), kind.seen(place["later"])
     assert old != new
+    assert views[0] != views[1]
     copied(before, place["count"])
     total = operations(root / "count", partial(kind.later, place["count"]))
     numbers = list(range(1, total + 1))
@@ -83,7 +91,8 @@ def tried(kind: Kind, start: str, root: Path, share: float) -> dict[str, Any]:
     for number in chosen:
         copied(before, place["killed"])
         assert killed_at(root / "killed", number, partial(kind.later, place["killed"]))
-        faults += [f"{number}: {text}" for text in wrong(kind, place["killed"], old, new)]
+        texts = wrong(kind, place["killed"], old, new, views)
+        faults += [f"{number}: {text}" for text in texts]
     return {"kind": kind.name, "start": start, "operations": total, "killed": len(chosen),
             "faults": faults}  # fmt: skip
 
@@ -98,10 +107,12 @@ def copied(source: Path | None, target: Path) -> None:
         shutil.copy2(source, target)
 
 
-def wrong(kind: Kind, place: Path, old: Any, new: Any) -> Iterator[str]:
-    """What is wrong after a kill, after reading, and after the same command."""
+def wrong(kind: Kind, place: Path, old: Any, new: Any, views: tuple[Any, Any]) -> Iterator[str]:
+    """What is wrong after a kill, after reading, and after the same command; `views` are what a
+    reader gets of the old and the new.
+    """
     seen = contents(place)
-    yield from lost(kind, place, old, new)
+    yield from lost(kind, place, *views)
     if isinstance(seen, dict) and seen.get(PARTS_FOLDER) != (old or {}).get(PARTS_FOLDER):
         yield "parts are not what they were"
     if contents(place) != new and forked(partial(kind.later, place)) != 0:
@@ -120,12 +131,12 @@ def wrong(kind: Kind, place: Path, old: Any, new: Any) -> Iterator[str]:
 
 def lost(kind: Kind, place: Path, old: Any, new: Any) -> Iterator[str]:
     """What is wrong before and after reading."""
-    seen, marks = contents(place), {kind.mark for kind in KINDS.values()}
+    seen, marks = kind.seen(place), {kind.mark for kind in KINDS.values()}
     if isinstance(seen, dict) and marks & set(seen) and seen not in (old, new):
         yield f"beside a summary there are files of another result: {sorted(seen)}"
     if place.exists():
         forked(partial(quietly, kind.read, place))
-    read = contents(place)
+    read = kind.seen(place)
     if read not in (old, new, None, {}):
         yield "what is read is neither the earlier result nor the new one"
     if not read and old:
@@ -176,6 +187,7 @@ def kinds(sources: Path) -> Iterator[Kind]:
             lambda path: path.read_bytes(),
         )  # fmt: skip
     yield Kind("case", "mine.toml", None, new_case, rs.load_case)
+    yield measured_case()
     yield from reproductions()
     # The first drawing settles the layout: those after it are the same to the letter.
     figures = [rs.plot_plan(drawn, sources / "first.png") for drawn in (other, plan)]
@@ -191,6 +203,23 @@ def new_case(path: Path) -> None:
 
     with redirect_stdout(io.StringIO()):
         new("case9", path)
+
+
+def measured_case() -> Kind:
+    """A case that follows measured series, with its profiles: whoever reads it reads both."""
+    times = pd.date_range("2022-06-30 22:00", periods=4 * 96, freq="15min", tz="UTC")
+    rising = np.arange(3.0, 3.0 + len(times))
+    series = [Measured(times, 15.0, {"load": mw, "solar": mw}) for mw in (rising, rising**2)]
+    earlier, later = (partial(write_measured_case, "ieee33", measured) for measured in series)
+
+    def seen(place: Path) -> Any:
+        file = place / "case.toml"
+        try:
+            return rs.load_case(file).profile("load").tolist() if file.is_file() else None
+        except rs.ResilienceError as error:
+            return str(error)
+
+    return Kind("measured case", "mine", earlier, later, seen, seen)
 
 
 def reproductions() -> Iterator[Kind]:

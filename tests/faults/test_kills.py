@@ -17,7 +17,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 OUTPUTS = {
     "plan", "plan over scenarios", "comparison", "part of a comparison", "hazard", "scenarios npz",
-    "scenarios csv", "case", "reproduction", "part of a reproduction", "picture",
+    "scenarios csv", "case", "measured case", "reproduction", "part of a reproduction", "picture",
 }  # fmt: skip
 
 
