@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from resilience.errors import CaseError, UsageError
+from resilience.errors import CaseError, FileError, UsageError
 from resilience.fragility import Bell, Scenarios, load_scenarios, sample_bell
 from tests.unit.fragility.storms import LINES, feeder
 
@@ -117,7 +117,7 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.M
         raise OSError("disk full")
 
     monkeypatch.setattr(np, "savez_compressed", full)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(FileError, match="disk full"):
         weighted().save(path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
