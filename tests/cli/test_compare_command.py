@@ -27,7 +27,8 @@ def test_settings_are_in_the_json(capsys: pytest.CaptureFixture[str], tmp_path: 
     assert found["warnings"] == []
     assert {row["method"] for row in found["methods"]} == {"idle", "rule-0.9", "clairvoyant"}
     assert all(row["ac_loss_mwh_per_day"] > 0 for row in found["methods"])
-    assert json.loads((tmp_path / "found" / "summary.json").read_text()) == found
+    saved = json.loads((tmp_path / "found" / "summary.json").read_text())
+    assert saved == {"kind": "comparison", **found}
 
 
 def test_a_reset_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
