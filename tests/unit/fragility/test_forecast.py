@@ -31,7 +31,7 @@ def test_variance_and_autocorrelation(rho: float, step_min: float) -> None:
 
 def test_errors_are_relative_and_power_is_never_negative() -> None:
     forecast = np.array([[0.0, 0.5, 1.0]])
-    found = ForecastError(2.0, 0.0).sample(forecast, 500, np.random.default_rng(2))
+    found = ForecastError(0.9, 0.0).sample(forecast, 500, np.random.default_rng(2))
     assert found.shape == (1, 3, 500)
     assert (found[0, 0] == 0).all()
     assert found.min() == 0.0

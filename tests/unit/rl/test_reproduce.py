@@ -161,7 +161,7 @@ def test_a_second_call_trains_and_simulates_nothing_and_says_the_same(
 
 def check_saved(result: Reproduction) -> None:
     saved = json.loads((result.folder / "summary.json").read_text(encoding="utf-8"))
-    assert saved == json.loads(json.dumps(result.summary()))
+    assert saved == {"kind": "reproduction", **json.loads(json.dumps(result.summary()))}
     lines = (result.folder / "statistics.csv").read_text(encoding="utf-8").splitlines()
     assert lines[0] == "experiment,method,runs,figure,mean,low,high,paper"
     assert len(lines) == 1 + 8 * sum(len(outcome.rows) for outcome in result.outcomes)
