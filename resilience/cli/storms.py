@@ -11,6 +11,8 @@ import typer
 from resilience.cli import bell_options, options, terminal
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from resilience.case import Case
     from resilience.fragility.feeder_hazard import Hazard
     from resilience.fragility.outages.bell import BellSettings
@@ -47,13 +49,10 @@ def scenarios(
     """Draw storms: which line is down when. What is not given here is the case's own."""
     import resilience as rs
     from resilience import fragility
-    from resilience.files import check_file
     from resilience.fragility.draw import draw
-    from resilience.fragility.outages.scenarios import check_suffix
 
     if out is not None:
-        check_suffix(out)
-        check_file(out)
+        _check_out(out)
     loaded = rs.load_case(case)
     bell: BellSettings = {
         "probability": probability,
@@ -79,6 +78,14 @@ def scenarios(
         drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
     terminal.show(partial(_print_scenarios, drawn, loaded, as_json))
     terminal.write(terminal.Output("scenarios", out, drawn.save), quiet=as_json)
+
+
+def _check_out(out: Path) -> None:
+    from resilience.files import check_file
+    from resilience.fragility.outages.scenarios import check_suffix
+
+    check_suffix(out)
+    check_file(out)
 
 
 def _print_scenarios(drawn: Scenarios, case: Case, as_json: bool) -> None:

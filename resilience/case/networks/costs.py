@@ -26,7 +26,7 @@ class UnitCost:
         per_h: cost of being on, $/h.
         start: cost of one start, $.
         curve: (MW, $/h) points over the range of the unit; None where it is a straight line.
-        is_chords: the curve stands in place of a polynomial of a higher order.
+        is_chords: it stands in place of a polynomial of a higher order.
     """
 
     per_mwh: float
@@ -53,7 +53,7 @@ def polynomial_cost(
         if not straight:
             slope = float(np.polyval(np.polyder(np.array(coefficients)), max(p_min_mw, 0.0)))
         fixed = coefficients[-1] if len(coefficients) else 0.0
-        return UnitCost(float(slope), float(fixed), start)
+        return UnitCost(float(slope), float(fixed), start, is_chords=not straight)
     p = np.linspace(p_min_mw, p_max_mw, PIECES + 1)
     points = tuple(zip(p.tolist(), np.polyval(coefficients, p).tolist(), strict=True))
     return UnitCost(_mean_slope(points), start=start, curve=points, is_chords=True)

@@ -218,7 +218,7 @@ def unit_omissions(
     yield from omission("two-way generator", takes, "MW", "one that only gives")
     curved = [u.name for u in generators if u.cost is not None and u.cost.is_chords]
     yield from omission("curved cost", [(name, 0.0) for name in curved], instead="straight pieces")
-    bent = [u.name for u in grid if u.cost is not None and (u.cost.curve or u.cost.per_h)]
+    bent = [u.name for u in grid if (c := u.cost) and (c.curve or c.is_chords or c.per_h)]
     yield from omission("cost curve of a grid", [(n, 0.0) for n in bent], instead="its mean slope")
 
 

@@ -26,6 +26,14 @@ def test_chords_lie_above_a_parabola_and_touch_it_at_their_ends() -> None:
     assert cost.per_mwh == pytest.approx(20.0 + 8.0 * (0.4 + 2.4))
 
 
+@pytest.mark.parametrize("p_max_mw", [0.4, np.inf])
+def test_a_parabola_over_no_range_is_a_line_that_is_named_as_one(p_max_mw: float) -> None:
+    cost = polynomial_cost([8.0, 20.0, 5.0], 0.4, p_max_mw)
+    assert cost.curve is None
+    assert cost.is_chords
+    assert cost.per_mwh == pytest.approx(20.0 + 2 * 8.0 * 0.4)
+
+
 def test_points_are_drawn_out_to_the_range_of_the_unit() -> None:
     cost = piecewise_cost(((0.5, 60.0), (1.0, 90.0), (1.5, 150.0)), 0.2, 2.0)
     assert cost.curve is not None
