@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 
 import resilience as rs
-from resilience.evaluation.measures.statistics import run_interval
+from resilience.evaluation.measures.intervals import mean_interval
+from resilience.evaluation.measures.statistics import gap_values
+from resilience.evaluation.paired import bound_by_day, cost_by_day
 from resilience.rl.checkpoint import case_digest
 
 ROOT = Path(__file__).parents[1]
@@ -40,7 +42,7 @@ FIELDS = (
     "case_digest",
 )
 """Columns: the gap is that of the mean cost of all episodes to the bound; its median and its worst
-are over seeds, its 95 % interval is over seeds and episodes, both drawn anew."""
+are over seeds, its 95 % interval is over seeds, episodes and days, each drawn anew."""
 KEY = ("case", "told", "entry")
 
 
@@ -86,15 +88,15 @@ def judged(options: argparse.Namespace) -> list[dict[str, Any]]:
         forecast_error=options.forecast_error,
         known_centre=not options.unknown_centre,
     )
-    frame, bound = report.frame(), float(np.mean(report.bound))
+    frame, bound, likely = report.frame(), bound_by_day(report), report.scenarios.probability
     centre = "centre unknown" if options.unknown_centre else "centre told"
     command = ["git", "rev-parse", "--short", "HEAD"]
     commit = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
     rows = []
     for entry, names in {"rule-0.9": ["rule-0.9"], **methods}.items():
         gaps = frame.loc[names, "gap_percent"].to_numpy(float)
-        costs = np.array([report.objective[name] for name in names])
-        span = run_interval(100.0 * (costs - report.bound) / bound, np.random.default_rng(0))
+        costs = np.array([cost_by_day(report, name) for name in names])
+        span = mean_interval(100.0 * gap_values(costs, bound, likely), likely)
         rows.append(
             {
                 "case": options.case,

@@ -132,7 +132,7 @@ def compare(
     case: options.CaseName,
     methods: options.Methods = "rule,mpc-blind,mpc,stochastic",
     days: options.Days = None,
-    draws: options.Draws = 8,
+    draws: options.Draws = 32,
     seed: options.Seed = 0,
     scenarios: options.ScenarioFile = None,
     physics: options.OnePhysics = "copperplate",

@@ -54,7 +54,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     methods: Methods = ("rule", "mpc-blind", "mpc", "stochastic"),
     *,
     days: int | None = None,
-    draws: int = 8,
+    draws: int = 32,
     seed: int = 0,
     scenarios: Scenarios | str | Path | None = None,
     physics: Physics = "copperplate",
@@ -76,7 +76,8 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
             function from a `Setting` to a dispatcher; rule 0.9 and the clairvoyant always act.
         days: days of an episode, the last ones of the profiles, 16 if omitted. A case with a storm
             keeps its own horizon, on which the storm is laid.
-        draws: how many outage paths; every one is an episode.
+        draws: how many outage paths; every one is an episode. With fewer than 32, an interval may
+            say little of a method that sheds rarely.
         seed: of the outage paths, and, as a stream of its own, of the forecast errors.
         scenarios: outage paths, or their file, to use in place of draws; `days` must be theirs.
         physics: of everybody, the bound included.

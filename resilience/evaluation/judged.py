@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -15,10 +14,10 @@ from resilience.case import Case
 from resilience.dispatch.registry import REFERENCE, names_planning_for
 from resilience.evaluation.ac_check import TrajectoryACCheck
 from resilience.evaluation.comparison import BOUND, check_bound
-from resilience.evaluation.measures import statistics
+from resilience.evaluation.measures.intervals import MeanInterval
 from resilience.evaluation.measures.measures import Measures
 from resilience.evaluation.measures.metrics import Adequacy
-from resilience.evaluation.measures.statistics import MeanInterval
+from resilience.evaluation.paired import days_of, difference
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.case_program import case_cost_scale
 from resilience.simulation.trajectory import Trajectory
@@ -81,7 +80,7 @@ class Judged:
     @property
     def days(self) -> float:
         """Days of an episode."""
-        return self.case.slots * self.case.step_h / 24.0
+        return days_of(self)
 
     @property
     def objective(self) -> Mapping[str, Floats]:
@@ -103,41 +102,33 @@ class Judged:
         """Wall-clock seconds for the slowest part of the bound."""
         return self.trajectories[BOUND].build_seconds
 
-    def difference(self, name: str, reference: str, seed: int = 0) -> MeanInterval:
+    def difference(self, name: str, reference: str) -> MeanInterval:
         """What `name` costs more per day than `reference`, on the same episodes, with its interval.
 
         Ends are NaN where a single episode allows none.
         """
-        costs = np.array([self.objective[name], self.objective[reference]]) / self.days
-        apart, scale = costs[0] - costs[1], float(np.abs(costs).max())
-        likely, n = self.scenarios.probability, self.scenarios.n
-        mean = statistics.expected(apart, likely)
-        if name == reference:
-            return MeanInterval(0.0, 0.0, 0.0, 0.95, n)
-        if n == 1:
-            return MeanInterval(mean, math.nan, math.nan, 0.95, n)
-        # Weights enter the values, so that their plain mean is the expectation.
-        rng = np.random.default_rng(seed)
-        return statistics.mean_interval(apart * likely * n, rng, scale=scale)
+        return difference(self, name, reference)
 
-    def differences(self, seed: int = 0) -> pd.DataFrame:
+    def differences(self) -> pd.DataFrame:
         """Any two methods: what the first costs more per day, its interval, and if it is luck.
 
-        An interval is that of its pair alone: of many, one in twenty misses.
+        An interval is that of its pair alone: of many, one in twenty misses. `carriers` is how many
+        day-episodes carry 80 % of the difference; where they are few, `few_events` is True.
         """
         import pandas as pd
 
         order = sorted(self.objective, key=lambda name: float(np.mean(self.objective[name])))
         rows = []
         for cheaper, name in combinations(order, 2):
-            more = self.difference(name, cheaper, seed)
+            more = self.difference(name, cheaper)
             sure = more.excludes_zero
             ends = {"low": more.low, "high": more.high, "excludes_zero": sure}
-            rows.append({"method": name, "other": cheaper, "per_day": more.mean, **ends})
+            pair = {"method": name, "other": cheaper, "per_day": more.mean, **ends}
+            rows.append(pair | {"carriers": more.carriers, "few_events": more.few_events})
         names = ["method", "other", "per_day", "low", "high", "excludes_zero"]
-        return pd.DataFrame(rows, columns=names)
+        return pd.DataFrame(rows, columns=[*names, "carriers", "few_events"])
 
-    def value_of_stochastic_solution(self, seed: int = 0) -> list[dict[str, str | float]]:
+    def value_of_stochastic_solution(self) -> list[dict[str, str | float]]:
         """What planning for one future costs more per day than planning for many.
 
         Textbooks compare two first decisions; here both plan anew in every slot, and what is
@@ -146,7 +137,7 @@ class Judged:
         rows: list[dict[str, str | float]] = []
         for deterministic in names_planning_for("one", self.objective):
             for stochastic in names_planning_for("many", self.objective):
-                more = self.difference(deterministic, stochastic, seed)
+                more = self.difference(deterministic, stochastic)
                 rows.append(
                     {
                         "deterministic": deterministic,

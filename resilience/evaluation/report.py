@@ -17,6 +17,7 @@ from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import infrastructure
 from resilience.evaluation.saving import save_report
+from resilience.evaluation.verdict import few_events
 from resilience.fragility.outages.weights import worth
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class Report(Judged):
             warnings.append(
                 "a battery kept full is within 1 % of the bound: the case cannot rank methods"
             )
+        if events := few_events(self):
+            warnings.append(events)
         return tuple(warnings)
 
     @property
@@ -76,22 +79,15 @@ class Report(Judged):
         )
         return statistics.triviality([rule], [best])
 
-    def frame(self, seed: int = 0) -> pd.DataFrame:
-        """A row per method, the cheapest first; `columns.COLUMNS` says what the columns are.
-
-        Args:
-            seed: of the bootstrap.
-        """
-        return self._rows(seed) if seed else self._frame.copy()
+    def frame(self) -> pd.DataFrame:
+        """A row per method, the cheapest first; `columns.COLUMNS` says what the columns are."""
+        return self._frame.copy()
 
     @cached_property
     def _frame(self) -> pd.DataFrame:
-        return self._rows(0)
-
-    def _rows(self, seed: int) -> pd.DataFrame:
         import pandas as pd
 
-        rows = [{"method": name, **row(self, name, seed)} for name in self.objective]
+        rows = [{"method": name, **row(self, name)} for name in self.objective]
         return pd.DataFrame(rows).set_index("method").sort_values("cost_per_day")
 
     def summary(self) -> dict[str, Any]:

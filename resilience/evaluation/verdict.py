@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.comparison import BOUND, Compared
-from resilience.evaluation.measures.statistics import MeanInterval, mean_interval, triviality
+from resilience.evaluation.comparison import BOUND, Compared, day_spans
+from resilience.evaluation.measures.intervals import MeanInterval
+from resilience.evaluation.measures.statistics import triviality
+from resilience.evaluation.paired import days_of, difference, expected, varies_days
 
 SHED_RESOLUTION_MWH = 5e-4
 """Shedding per day that is printed alike is called alike, MWh."""
-
-
-def days_of(compared: Compared) -> float:
-    """Days of an episode."""
-    return compared.case.slots * compared.case.step_h / 24.0
-
-
-def expected(compared: Compared, values: Floats) -> float:
-    """Mean of values (episodes,), weighed by the probability of the storms."""
-    return float(compared.scenarios.probability @ values)
 
 
 def ranked(compared: Compared) -> list[str]:
@@ -31,25 +20,9 @@ def ranked(compared: Compared) -> list[str]:
     return sorted((name for name in cost if name != BOUND), key=lambda name: cost[name])
 
 
-def interval(
-    compared: Compared, values: Floats, seed: int = 0, *, scale: float = 0.0
-) -> MeanInterval:
-    """Mean of values (episodes,) and its 95 % interval, NaN where there is one episode.
-
-    They may be differences of numbers of a size, `scale`.
-    """
-    n = len(values)
-    if n < 2:
-        return MeanInterval(float(values.mean()), math.nan, math.nan, 0.95, n)
-    # Weights enter the values, so that their plain mean is the expectation.
-    weighed = values * compared.scenarios.probability * n
-    return mean_interval(weighed, np.random.default_rng(seed), scale=scale)
-
-
 def saving(compared: Compared, method: str, than: str) -> MeanInterval:
     """What `method` saves against another in $/day on the same episodes, with its interval."""
-    costs = np.array([compared.objective[method], compared.objective[than]]) / days_of(compared)
-    return interval(compared, costs[1] - costs[0], scale=float(np.abs(costs).max()))
+    return difference(compared, than, method)
 
 
 def cost_per_day(compared: Compared, method: str) -> float:
@@ -69,7 +42,7 @@ def verdict(compared: Compared) -> tuple[str, ...]:
     others = [name for name in order if name not in (best, REFERENCE)]
     sentences = [_best(compared, best)]
     if best != REFERENCE:
-        sentences.append(_luck(saving(compared, best, REFERENCE)))
+        sentences.append(_luck(saving(compared, best, REFERENCE), _varied(compared)))
     sentences += _as_good(compared, best, others)
     sentences.append(_room(compared))
     return tuple(sentences)
@@ -93,18 +66,50 @@ def _best(compared: Compared, best: str) -> str:
     return words + f" {link} sheds {abs(more):.3f} MWh/day {way}."
 
 
-def _luck(gain: MeanInterval) -> str:
+def _varied(compared: Compared) -> str:
+    """What an interval is over, in words."""
+    n, days = compared.scenarios.n, len(day_spans(compared.case))
+    if varies_days(compared):
+        return f"{n} episodes and their {days} days"
+    if compared.scenarios.centre is None:
+        return f"{n} episodes"
+    return f"{n} episodes of {'this day' if days == 1 else f'these {days} days'} alone"
+
+
+def _luck(gain: MeanInterval, varied: str) -> str:
     if math.isnan(gain.low):
         return "One episode says nothing about luck; ask for more with --draws."
     span = f"{gain.low:.2f} to {gain.high:.2f} $/day"
     if gain.excludes_zero:
-        return (
-            f"That is not luck: the 95 % interval of the saving over {gain.n} episodes is {span}."
+        words = f"That is not luck: the 95 % interval of the saving over {varied} is {span}."
+    else:
+        words = (
+            f"That may be luck: the 95 % interval of the saving over {varied} is {span} and "
+            "includes zero; more --draws narrow it."
         )
+    return words + (f" Few events: {carried(gain)} of it." if gain.few_events else "")
+
+
+def few_events(compared: Compared) -> str:
+    """Which methods differ from rule 0.9 by a few events only, in words; empty where none does."""
+    parts = []
+    for name in ranked(compared):
+        more = difference(compared, name, REFERENCE)
+        if more.few_events:
+            parts.append(f"{name} ({carried(more)})")
+    if not parts:
+        return ""
     return (
-        f"That may be luck: the 95 % interval of the saving over {gain.n} episodes is {span} and "
-        "includes zero; more --draws narrow it."
+        f"Few events make the difference to {REFERENCE}; other storms may turn it: "
+        f"{', '.join(parts)}."
     )
+
+
+def carried(more: MeanInterval) -> str:
+    """How few events carry a difference, in words."""
+    cells = "day-episodes" if more.days > 1 else "episodes"
+    verb = "carries" if more.carriers == 1 else "carry"
+    return f"{more.carriers} of {more.n * more.days} {cells} {verb} 80 %"
 
 
 def _as_good(compared: Compared, best: str, others: list[str]) -> list[str]:

@@ -11,10 +11,11 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import BOUND, Compared
-from resilience.evaluation.verdict import days_of, verdict
+from resilience.evaluation.paired import daily_cost, days_of
+from resilience.evaluation.verdict import verdict
 from resilience.files import check_picture
 from resilience.plots import style
-from resilience.plots.report_data import Record, daily_cost, has_bound, records
+from resilience.plots.report_data import Record, has_bound, records
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

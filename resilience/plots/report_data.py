@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from resilience.arrays import Floats
-from resilience.evaluation.comparison import BOUND, Compared, day_spans
-from resilience.evaluation.measures.statistics import MeanInterval
-from resilience.evaluation.verdict import days_of, interval, ranked, shed_per_day
+from resilience.evaluation.comparison import BOUND, Compared
+from resilience.evaluation.measures.intervals import MeanInterval
+from resilience.evaluation.paired import daily_cost, days_of, over_bound
+from resilience.evaluation.verdict import ranked, shed_per_day
 
 
 @dataclass(frozen=True)
@@ -38,20 +37,8 @@ def records(compared: Compared) -> list[Record]:
 
 def _record(compared: Compared, name: str) -> Record:
     over = (compared.objective[name] - compared.bound) / days_of(compared)
-    mean = interval(compared, over)
+    mean = over_bound(compared, name)
     return Record(name, over, mean, daily_cost(compared, name), shed_per_day(compared, name))
-
-
-def daily_cost(compared: Compared, method: str) -> Floats:
-    """(days, episodes) $: cost of the day less what the energy gained over the day is worth.
-
-    The days of an episode add up to its objective and the worth of what was stored at its start.
-    """
-    trajectory, case = compared.trajectories[method], compared.case
-    first = [span.start for span in day_spans(case)]
-    spent = np.add.reduceat(trajectory.cost, first, axis=0)
-    stored = trajectory.energy[:, [*first, case.slots]].sum(0)
-    return spent - compared.end_value_per_mwh * np.diff(stored, axis=0)
 
 
 def has_bound(compared: Compared) -> bool:

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import BOUND
-from resilience.evaluation.verdict import verdict
+from resilience.evaluation.verdict import few_events, verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +81,7 @@ COLUMNS = (
         "$/day",
         2,
         3,
-        f"of the cost above {REFERENCE}, paired bootstrap; without zero in it, not luck",
+        f"of the cost above {REFERENCE}; without zero in it, not luck",
         sign=True,
     ),
     Column("gap_percent", "gap", "%", 2, 4, "cost above the bound"),
@@ -101,7 +101,7 @@ COLUMNS = (
     Column("ac_unfunded_mwh_per_day", "unfunded", "MWh/day", 2, 11, "AC losses not reckoned with"),
     Column("ms_per_decision", "time", "ms", 2, 10, "per decision"),
     Column("build_cpu_s", "build", "CPU-s", 1, 12, "before the first decision"),
-    Column("cvar95_per_day", "CVaR-95", "$/day", 2, 10, "mean of the worst 5 % of episodes"),
+    Column("cvar95_day", "CVaR-95", "$/day", 2, 10, "mean of the worst 5 % of days"),
     Column("worst_day", "worst day", "$", 1, 13),
     Column("iqm_per_day", "IQM", "$/day", 2, 14, "interquartile mean of the episodes"),
     Column("asidi_h_per_day", "ASIDI", "h/day", 3, 15, "outage of the average MW"),
@@ -129,6 +129,9 @@ def print_report(report: Report, console: Console) -> None:
     shown = chosen(frame, console.width)
     console.print(_table(frame, shown))
     console.print()
+    if events := few_events(report):
+        console.print(events, highlight=False)
+        console.print()
     console.print(_legend(frame, shown), style="dim", highlight=False)
 
 

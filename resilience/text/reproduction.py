@@ -17,7 +17,7 @@ from resilience.rl.reproduce.published import OPEN
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from resilience.evaluation.measures.statistics import MeanInterval
+    from resilience.evaluation.measures.intervals import MeanInterval
     from resilience.rl.reproduce.figures import Figures
     from resilience.rl.reproduce.outage_day import OutageDay
     from resilience.rl.reproduce.outcomes import Outcome
@@ -49,8 +49,7 @@ def print_reproduction(result: Reproduction, console: Console) -> None:
     for note in result.notes:
         console.print(note, highlight=False, markup=False)
     console.print(
-        "Intervals are 95 %, by bootstrap over storms and trainings; below them stand the paper's "
-        "figures.",
+        "Intervals are 95 %, over days, storms and trainings; below stand the paper's figures.",
         highlight=False,
     )
     for number, (title, group) in enumerate(groupby(result.outcomes, key=lambda o: o.title)):

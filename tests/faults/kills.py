@@ -224,7 +224,7 @@ def measured_case() -> Kind:
 
 def reproductions() -> Iterator[Kind]:
     """The summary and table of a reproduction, and the figures of an experiment."""
-    from resilience.evaluation.measures.statistics import MeanInterval
+    from resilience.evaluation.measures.intervals import MeanInterval
     from resilience.rl.reproduce.experiments import QUICK
     from resilience.rl.reproduce.figures import Figures
     from resilience.rl.reproduce.outage_day import OutageDay

@@ -11,8 +11,9 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
-from resilience.evaluation.measures import statistics
-from resilience.evaluation.measures.statistics import MeanInterval
+from resilience.evaluation.measures.intervals import MeanInterval, mean_interval
+from resilience.evaluation.measures.statistics import gap_values
+from resilience.evaluation.paired import bound_by_day, cost_by_day
 from resilience.evaluation.report import Report
 from resilience.rl.reproduce.published import Published
 
@@ -34,7 +35,6 @@ IN_THE_PAPER: Mapping[str, Callable[[Published], float | None]] = {
     "shed_mw_slots": lambda paper: paper.shed_mw,
 }
 """Figure to what the paper prints of it."""
-RESAMPLING_SEED = 0
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,6 @@ def figures(
     """
     assert report.certificates is not None
     values = [episode_values(report, name) for name in names]
-    rng = np.random.default_rng(RESAMPLING_SEED)
     trajectories = [report.trajectories[name] for name in names]
     checks = [report.certificates[name] for name in names]
     likely = report.scenarios.probability
@@ -113,7 +112,7 @@ def figures(
         label=label,
         runs=len(names),
         statistics={
-            name: statistics.run_interval(np.array([value[name] for value in values]), rng)
+            name: mean_interval(np.array([value[name] for value in values]), likely)
             for name in STATISTICS
         },
         training_cpu_s=float(np.mean(built)) if training_cpu_s is None else training_cpu_s,
@@ -126,19 +125,20 @@ def figures(
 
 
 def episode_values(report: Report, name: str) -> dict[str, Floats]:
-    """Every figure of a method, (episodes,)."""
-    measures = report.measures[name]
-    days, step_h = report.days, report.case.step_h
-    shed_mwh = measures.daily_shed_mwh.mean(0)
+    """Every figure of a method, (episodes, days), of extremes (episodes, 1)."""
+    measures, step_h = report.measures[name], report.case.step_h
+    by_day, shed_mwh = measures.daily_cost.T, measures.daily_shed_mwh.T
+    net, rule = (cost_by_day(report, key) for key in (name, REFERENCE))
+    bound = bound_by_day(report)
     return {
-        "average": measures.daily_cost.mean(0),
-        "highest": measures.daily_cost.max(0),
-        "lowest": measures.daily_cost.min(0),
+        "average": by_day,
+        "highest": by_day.max(1, keepdims=True),
+        "lowest": by_day.min(1, keepdims=True),
         "shed_mwh": shed_mwh,
         "shed_mw_slots": shed_mwh / step_h,
-        "net": measures.objective / days,
-        "gap_percent": 100.0 * statistics.gap_to_bound(measures.objective, report.bound),
-        "over_rule": (measures.objective - report.objective[REFERENCE]) / days,
+        "net": net,
+        "gap_percent": 100.0 * gap_values(net, bound, report.scenarios.probability),
+        "over_rule": net - rule,
     }
 
 

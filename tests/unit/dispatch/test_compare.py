@@ -88,12 +88,14 @@ def test_the_clairvoyant_bound_is_that_of_its_multipliers(monkeypatch: pytest.Mo
 
 BY_HAND = {
     "cost_per_day": (3.5 * 12, 3.1375 * 12, 2.5 * 12),
+    "cvar95_day": (8, 5.2, 4),
     "cvar95_per_day": (8 * 12, 5.2 * 12, 4 * 12),
     "worst_per_day": (8 * 12, 5.2 * 12, 4 * 12),
     "worst_day": (8, 5.2, 4),
-    "gap_percent": (25.0, 100 * (0.75 * 0.225 + 0.25 * 0.3), 0.0),
-    "score": (0.75 * 1 - 0.25 * 2.8 / 1.2, 0.0, 1.0),
+    "gap_percent": (40.0, 25.5, 0.0),
+    "score": (-0.3625 / 0.6375, 0.0, 1.0),
     "over_rule_per_day": (0.3625 * 12, 0.0, -0.6375 * 12),
+    "over_rule_carriers": (1, 0, 2),
     "perfect_information_per_day": (12.0, 0.6375 * 12, 0.0),
     "end_energy_mwh": (0.0, 0.75 * 0.45, 0.0),
     "shed_mwh_per_day": (0.25 * 12, 0.25 * 0.55 * 12, 0.25 * 0.5 * 12),

@@ -9,8 +9,9 @@ import pytest
 
 import resilience as rs
 from resilience.evaluation.comparison import Comparison
+from resilience.evaluation.paired import daily_cost
 from resilience.evaluation.verdict import verdict
-from resilience.plots.report_data import daily_cost, records
+from resilience.plots.report_data import records
 from resilience.plots.style import colours
 from tests.unit.plots.stormy import by_hand, chain, compared, cut
 

@@ -20,7 +20,7 @@ import resilience as rs
 from resilience.case import case_text
 from resilience.cli.app import app
 from resilience.errors import UsageError
-from resilience.evaluation.measures.statistics import MeanInterval
+from resilience.evaluation.measures.intervals import MeanInterval
 from resilience.fragility.draw import sample_case
 from resilience.rl.reproduce import experiments, outage_day, outcomes, published, trained
 from resilience.rl.reproduce import run as runner
