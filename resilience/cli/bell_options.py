@@ -40,5 +40,9 @@ Shift = Annotated[
 ]
 Reduce = Annotated[
     int | None,
-    Option(help="Keep so many that stand best for all; their weights add up to 1.", min=1),
+    Option(
+        help="Keep so many that stand best for all, weighted to have their means, and a few more "
+        "where so many cannot.",
+        min=1,
+    ),
 ]

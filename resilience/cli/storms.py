@@ -11,6 +11,7 @@ import typer
 from resilience.cli import bell_options, options, terminal
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from resilience.case import Case
@@ -73,10 +74,15 @@ def scenarios(
         loaded, n, seed, days=days, shift=shift,
         track=track, storm=storm, averaging_s=averaging_s, agency=agency, **bell,
     )  # fmt: skip
+    means = None
     if reduce is not None:
         load_mw = fragility.load_behind_mw(loaded, drawn.lines)
-        drawn = fragility.reduced(drawn, reduce, load_mw=load_mw)
-    terminal.show(partial(_print_scenarios, drawn, loaded, as_json))
+        all_moments = fragility.moments(loaded, drawn)
+        before = fragility.expected_moments(all_moments, drawn.probability)
+        drawn = fragility.reduced(drawn, reduce, load_mw=load_mw, means=all_moments)
+        few_moments = fragility.moments(loaded, drawn)
+        means = before, fragility.expected_moments(few_moments, drawn.probability)
+    terminal.show(partial(_print_scenarios, drawn, loaded, as_json, reduce, means))
     terminal.write(terminal.Output("scenarios", out, drawn.save), quiet=as_json)
 
 
@@ -88,15 +94,26 @@ def _check_out(out: Path) -> None:
     check_file(out)
 
 
-def _print_scenarios(drawn: Scenarios, case: Case, as_json: bool) -> None:
+def _print_scenarios(
+    drawn: Scenarios,
+    case: Case,
+    as_json: bool,
+    requested: int | None,
+    means: tuple[Mapping[str, float], Mapping[str, float]] | None,
+) -> None:
     from resilience import fragility
     from resilience.text.console import plain_console
-    from resilience.text.scenarios import print_scenarios
+    from resilience.text.scenarios import print_reduction, print_scenarios
 
     if as_json:
-        typer.echo(json.dumps(fragility.summary(drawn, case), indent=2, allow_nan=False))
+        summary = fragility.summary(drawn, case)
+        if means is not None:
+            summary["means"] = {"all": means[0], "kept": means[1]}
+        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         return
     print_scenarios(drawn, case, plain_console())
+    if requested is not None and means is not None:
+        print_reduction(drawn, requested, *means, plain_console())
 
 
 def hazard(

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 WITHOUT_EFFECT = {
     "description", "path", "source", "rebuild", "simulator", "probability", "seed", "process",
+    "represents",
 }  # fmt: skip
 """Fields that no trajectory depends on."""
 

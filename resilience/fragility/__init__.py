@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.fragility.outages.storms import Sampling, effective_size, sample_storms
     from resilience.fragility.outages.summary import summary
+    from resilience.fragility.storm_means import expected_moments, moments
 else:
     __getattr__ = lazy_names(__name__)
 
@@ -48,6 +49,7 @@ __all__ = [
     "breakpoints",
     "case_bell",
     "effective_size",
+    "expected_moments",
     "failed_by",
     "failure_probability",
     "first_failure",
@@ -57,6 +59,7 @@ __all__ = [
     "joint_probability",
     "load_behind_mw",
     "load_scenarios",
+    "moments",
     "outages_from",
     "poles_in_series",
     "reduced",

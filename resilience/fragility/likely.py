@@ -70,7 +70,7 @@ class Likely:
 
 
 @dataclass(frozen=True, eq=False)
-class _Patterns:
+class Patterns:
     """Different states of the lines, and in which slot of which scenario they are.
 
     Attributes:
@@ -95,7 +95,7 @@ def likely(case: Case, scenarios: Scenarios, limit: int = 10) -> Likely:
         scenarios: over its horizon.
         limit: islands, and islandings, that are kept.
     """
-    patterns = _patterns(case, scenarios)
+    patterns = patterns_of(case, scenarios)
     weight = scenarios.probability
     apart, dark = (~mask[:, patterns.number] for mask in (patterns.grid, patterns.alive))
     return Likely(
@@ -107,7 +107,7 @@ def likely(case: Case, scenarios: Scenarios, limit: int = 10) -> Likely:
     )
 
 
-def _patterns(case: Case, scenarios: Scenarios) -> _Patterns:
+def patterns_of(case: Case, scenarios: Scenarios) -> Patterns:
     """The different line states of all slots and scenarios, and the islands of each."""
     down = scenarios.down.reshape(len(scenarios.lines), -1)
     _, first, number = np.unique(
@@ -122,7 +122,7 @@ def _patterns(case: Case, scenarios: Scenarios) -> _Patterns:
     sources = np.zeros((int(island.max(initial=0)) + 1, len(first)), bool)
     for bus in microgrid.bus_index(case.tables_of(GridTable)).tolist():
         sources[situation.island[bus], np.arange(len(first))] = True
-    return _Patterns(
+    return Patterns(
         up, number.reshape(scenarios.slots, scenarios.n), island,
         situation.alive[microgrid.bus_of] > 0, sources[island, np.arange(len(first))],
     )  # fmt: skip
@@ -136,7 +136,7 @@ def _fallible(case: Case, scenarios: Scenarios) -> Microgrid:
     return Microgrid.build(case.replace(outages=outages), "copperplate")
 
 
-def _islands(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Island]:
+def _islands(case: Case, patterns: Patterns, weight: Floats) -> Iterable[Island]:
     """Islands without the grid, by probability."""
     chance: dict[bytes, float] = defaultdict(float)
     slots: dict[bytes, float] = defaultdict(float)
@@ -165,7 +165,7 @@ def _islands(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Island
         yield Island(buses, alive[key], float(chance[key]), float(hours))
 
 
-def _islandings(case: Case, patterns: _Patterns, weight: Floats) -> Iterable[Islanding]:
+def _islandings(case: Case, patterns: Patterns, weight: Floats) -> Iterable[Islanding]:
     """States at the worst moment, by probability."""
     connected = patterns.grid.sum(axis=0)[patterns.number]
     worst = patterns.number[connected.argmin(axis=0), np.arange(patterns.number.shape[1])]

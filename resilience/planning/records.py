@@ -142,6 +142,33 @@ class InformationValue:
 
 
 @dataclass(frozen=True)
+class Unreduced:
+    """What the common schedule of a plan over few scenarios costs over all that they stand for.
+
+    Every scenario follows the schedule until its own outage shows, and from then on knows its own
+    end, as in the plan; storage and grids may there be in two modes at once, which costs less if
+    anything. Standard errors are those of the scenarios as a sample.
+
+    Attributes:
+        scenarios: number of all.
+        objective: of the risk over their costs, $.
+        expected_cost: mean by probability, $.
+        cost_error: its standard error, $.
+        expected_shed_mwh: energy not served, MWh.
+        shed_error: its standard error, MWh.
+        shed_probability: of shedding anything at all.
+    """
+
+    scenarios: int
+    objective: float
+    expected_cost: float
+    cost_error: float
+    expected_shed_mwh: float
+    shed_error: float
+    shed_probability: float
+
+
+@dataclass(frozen=True)
 class Horizon:
     """When the slots of a plan are.
 

@@ -18,6 +18,7 @@ from resilience.planning.records import (
     Horizon,
     InformationValue,
     ScenarioStatistics,
+    Unreduced,
 )
 from resilience.planning.scenario_plan import BAND_QUANTILES, ScenarioPlan
 from resilience.planning.scenario_program import ScenarioProgram
@@ -43,6 +44,8 @@ class PlannedScenarios:
         tables: the common schedule.
         mean_value_cost: risk of the costs with the plan for mean data, $; None where undefined.
         value_of_stochastic_solution: what the plan for the mean costs more, $; None likewise.
+        unreduced: what the plan costs over all scenarios that these stand for; None where they
+            stand for themselves.
     """
 
     method: str
@@ -58,6 +61,7 @@ class PlannedScenarios:
     tables: dict[str, SlotTable]
     mean_value_cost: float | None
     value_of_stochastic_solution: float | None
+    unreduced: Unreduced | None = None
 
 
 def full_plan(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> ScenarioPlan:
@@ -104,6 +108,7 @@ def full_plan(planned: PlannedScenarios, seconds_by_phase: dict[str, float]) -> 
         episodes=_episodes(planned, shed_mwh),
         recourse=(outcomes.devices, outcomes.power),
         outages=scenarios,
+        unreduced=planned.unreduced,
     )
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -36,6 +36,7 @@ from resilience.planning.records import (
     Horizon,
     InformationValue,
     ScenarioStatistics,
+    Unreduced,
     check_kinds,
     read_record,
     read_tables,
@@ -85,6 +86,8 @@ class ScenarioPlan(CertifiedPlan):
         recourse: names of the devices, and the power they feed in, (devices, slots, scenarios)
             MW, as `table_units()["power"]`.
         outages: the scenarios; None where they were not kept.
+        unreduced: what the common schedule costs over all scenarios that these few stand for; None
+            where they stand for themselves.
     """
 
     summary_keys: ClassVar[tuple[str, ...]] = (
@@ -140,6 +143,20 @@ class ScenarioPlan(CertifiedPlan):
     episodes: Mapping[str, Floats] = field(repr=False)
     recourse: tuple[tuple[str, ...], Floats] = field(repr=False, compare=False)
     outages: Scenarios | None = field(repr=False, compare=False)
+    unreduced: Unreduced | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the tables, as plain data; `unreduced` only where there is something."""
+        summary = super().summary()
+        return (
+            summary if self.unreduced is None else summary | {"unreduced": asdict(self.unreduced)}
+        )
+
+    @property
+    def represented(self) -> int | None:
+        """Number of scenarios that these few stand for; None where they stand for themselves."""
+        many = None if self.outages is None else self.outages.represents
+        return None if many is None else many.n
 
     def check_objective(self, scale: float) -> None:
         """See `CertifiedPlan.check_objective`: the risk of the costs of its scenarios, none of
@@ -386,4 +403,5 @@ def _read_plan(root: Path, summary: dict[str, Any], case: Case, outages: Scenari
         episodes={str(name): episodes[name].to_numpy() for name in episodes},
         recourse=(tuple(power.columns), power.to_numpy().reshape(shape).transpose(2, 1, 0)),
         outages=outages,
+        unreduced=Unreduced(**summary["unreduced"]) if "unreduced" in summary else None,
     )

@@ -152,6 +152,7 @@ def scenario_program(
     distinct: DistinctScenarios,
     *,
     common_slots: int | None = None,
+    most_common_slots: int | None = None,
     risk: Risk | None = None,
 ) -> ScenarioProgram:
     """The two-stage program.
@@ -161,6 +162,7 @@ def scenario_program(
         distinct: its scenarios.
         common_slots: slots after which every scenario goes its own way; None: each leaves the trunk
             when its own outage shows. 0: nothing is decided in common, everybody is clairvoyant.
+        most_common_slots: slots after which at the latest every scenario goes its own way.
         risk: the objective over scenarios, expected cost if omitted.
 
     Raises:
@@ -171,6 +173,8 @@ def scenario_program(
     if common_slots is not None:
         _check_common(case, distinct, leaves, common_slots)
         leaves = np.full(distinct.n, common_slots)
+    if most_common_slots is not None and most_common_slots < case.slots:
+        leaves = np.minimum(leaves, most_common_slots)
     trunk = max(int(min(leaves.max(), case.slots)), 1)
     stays = leaves >= case.slots
     tree, slot, chain = _trunk_and_branches(case, distinct, leaves, trunk)

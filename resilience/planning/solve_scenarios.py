@@ -36,11 +36,20 @@ from resilience.planning.scenario_program import (
     scenario_program,
 )
 from resilience.planning.tables import SlotTable
+from resilience.planning.unreduced import on_all_scenarios
 from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 
 DEFAULT_SCENARIOS = 200
+NOT_FOLLOWED = (
+    "the common schedule cannot be followed in the scenarios that the reduced set stands for: all "
+    "figures are over the reduced set alone"
+)
+NOT_SIMULATED = (
+    "all figures are over the reduced set alone; simulate the unreduced scenarios to see what it "
+    "leaves out"
+)
 
 
 def scenarios_for(
@@ -153,6 +162,9 @@ def plan_in_two_stages(
     with phase("audit"):
         distinct_outcomes, tables = outcomes.planned_outcomes(program, result.solution)
     scenario_outcomes = distinct_outcomes.selected(distinct.index)
+    unreduced, everything = None, scenarios.represents
+    if everything is not None:
+        unreduced = on_all_scenarios(program, result.solution, everything)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)
     bound, scale = result.solution.bound, program.two_stage.cost_scale
     reached = gap(objective, bound, scale)
@@ -170,17 +182,26 @@ def plan_in_two_stages(
             status=status,
             bound=bound,
             gap=reached,
-            bound_of=f"two-stage program on {physics}",
+            bound_of=f"two-stage program on {physics}{_reduced_set(scenarios)}",
             relaxed=scenario_outcomes.relaxed,
             audit=scenario_outcomes.audit,
             audit_worst=scenario_outcomes.audit_worst,
             cost_scale=scale,
         ),
-        notes=[] if status == "optimal" else [_reason(reached, limits.gap, result.late)],
+        notes=[
+            *([] if status == "optimal" else [_reason(reached, limits.gap, result.late)]),
+            *([NOT_FOLLOWED] if everything is not None and unreduced is None else []),
+        ],
         tables=tables,
+        unreduced=unreduced,
         mean_value_cost=result.mean_value_cost,
         value_of_stochastic_solution=result.value_of_stochastic_solution,
     )
+
+
+def _reduced_set(scenarios: Scenarios) -> str:
+    """What a bound over few scenarios is no bound of, in words."""
+    return "" if scenarios.represents is None else ", the reduced set"
 
 
 def _reason(reached: float, wanted_gap: float, late: bool) -> str:
@@ -221,13 +242,13 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
             status="feasible",
             bound=bound,
             gap=gap(objective, bound, scale),
-            bound_of="every scenario known beforehand, on copperplate",
+            bound_of=f"every scenario known beforehand, on copperplate{_reduced_set(scenarios)}",
             relaxed=[],
             audit=scenario_outcomes.audit,
             audit_worst=scenario_outcomes.audit_worst,
             cost_scale=scale,
         ),
-        notes=[],
+        notes=[] if scenarios.represents is None else [NOT_SIMULATED],
         tables=_common_schedule(program, scenario_outcomes, longest),
         mean_value_cost=None,
         value_of_stochastic_solution=None,

@@ -11,6 +11,7 @@ from rich.text import Text
 from resilience.arrays import Floats
 from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
+from resilience.planning.records import Unreduced
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.text.plan import certificate, grid, not_modelled, percent
 
@@ -34,10 +35,24 @@ def _verdict(plan: ScenarioPlan) -> Text:
     status = f"{plan.status} for a relaxation" if plan.relaxed else plan.status
     text.append("simulated" if plan.algorithm == "simulation" else status, style)
     text.append(f"\nobjective {plan.objective:.4f} $: {plan.risk} over {plan.scenarios} scenarios")
+    if plan.represented is not None:
+        text.append(f" that stand for {plan.represented}")
     if plan.different < plan.scenarios:
         text.append(f", {plan.different} of them different")
     text.append(f"\nproven bound {plan.bound:.4f} $ ({plan.bound_of}), gap {percent(plan.gap)}")
+    if plan.unreduced is not None:
+        text.append("\n" + _over_all(plan.unreduced), "bold")
     return text
+
+
+def _over_all(over_all: Unreduced) -> str:
+    """What the plan costs over the scenarios that were reduced, in words."""
+    return (
+        f"over all {over_all.scenarios} this plan costs {over_all.expected_cost:.2f} ± "
+        f"{over_all.cost_error:.2g} $ and sheds {over_all.expected_shed_mwh:.3f} ± "
+        f"{over_all.shed_error:.2g} MWh (standard errors; modes relaxed), in "
+        f"{100 * over_all.shed_probability:.1f} % of them"
+    )
 
 
 def _schedule(plan: ScenarioPlan) -> RenderableType:

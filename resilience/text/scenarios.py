@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.summary import summary
 from resilience.fragility.outages.weights import worth
+from resilience.fragility.storm_means import CHANCES
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rich.console import Console
 
     from resilience.case import Case
@@ -45,5 +48,42 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
         f"all {len(scenarios.lines)} out at once "
         f"{'on' if daily else 'in'} {100 * numbers[f'all_out_chance{per}']:.1f} % of "
         f"{'days' if daily else 'scenarios'}{f', {weights}' if weights else ''}",
+        highlight=False,
+    )
+
+
+def print_reduction(
+    few: Scenarios,
+    requested: int,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    console: Console,
+) -> None:
+    """Prints what fewer scenarios keep of all: their means before and after.
+
+    Args:
+        few: those that were kept.
+        requested: how many were asked for.
+        before: means of all, as `expected_moments` gives.
+        after: means of those kept.
+        console: where to.
+    """
+    from rich import box
+    from rich.table import Table
+
+    n = few.n if few.represents is None else few.represents.n
+    console.print()
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for head in ("mean", f"all {n}", f"the {few.n} kept"):
+        table.add_column(head, justify="left" if head == "mean" else "right")
+    for name, value in before.items():
+        form = "{:.2%}" if name in CHANCES else "{:.3f}"
+        table.add_row(name, form.format(value), form.format(after[name]))
+    console.print(table)
+    if few.n > requested:
+        console.print(f"{few.n} are kept, not {requested}: fewer do not have these means")
+    console.print(
+        "The weights keep these means; what else happens in fewer scenarios, costs among it, "
+        "is not that of all.",
         highlight=False,
     )

@@ -8,25 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats
+from resilience.arrays import Floats
+from resilience.case.critical import critical_loads
 from resilience.case.schema import LoadTable
 from resilience.evaluation.measures import metrics
 from resilience.evaluation.measures.metrics import Adequacy, InterruptionIndices, Service
 from resilience.evaluation.measures.trapezoid import Trapezoid, lines_up_ratio, trapezoid
 
 if TYPE_CHECKING:
-    from resilience.case import Case
     from resilience.simulation.trajectory import Trajectory
     from resilience.simulation.world import World
-
-
-def critical_loads(case: Case) -> Bools:
-    """(loads,) those marked `critical`; where none is, those of a priority above 1."""
-    loads = case.tables_of(LoadTable)
-    marked = np.array([load.critical for load in loads], bool)
-    if marked.any():
-        return marked
-    return np.array([load.priority > 1.0 for load in loads], bool)
 
 
 @dataclass(frozen=True)

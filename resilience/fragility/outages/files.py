@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,17 +67,26 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
 def _read_npz(path: Path) -> Scenarios:
     """Reads a .npz file; see `scenarios.py` for what is in it."""
     with reading(path, "scenarios"), path.open("rb") as opened, np.load(opened) as file:
-        about = json.loads(str(file["about"]))
-        down, probability = file["down"], file["probability"]
-        shape = tuple(int(n) for n in file["shape"])
-        centre = file.get("centre", None)
-        _check_kinds(about, shape, down, probability)
-        bits = np.unpackbits(down, count=math.prod(shape)).reshape(shape).astype(bool)
-        lines, seed, process = tuple(about["lines"]), about["seed"], about["process"]
+        facts = _facts(file, "")
+        everything = _facts(file, "all_") if "all_about" in file else None
     try:
-        return Scenarios(lines, bits, probability, centre, seed, process)
+        scenarios = Scenarios(*facts)
+        if everything is not None:
+            scenarios = replace(scenarios, represents=Scenarios(*everything))
+        return scenarios
     except UsageError as error:
         raise UsageError(f"{path}: {error.message}", hint=error.hint) from None
+
+
+def _facts(file: Mapping[str, Any], prefix: str) -> tuple[Any, ...]:
+    """The fields of scenarios, from the arrays of a file whose names begin with `prefix`."""
+    about = json.loads(str(file[f"{prefix}about"]))
+    down, probability = file[f"{prefix}down"], file[f"{prefix}probability"]
+    shape = tuple(int(n) for n in file[f"{prefix}shape"])
+    centre = file.get(f"{prefix}centre", None)
+    _check_kinds(about, shape, down, probability)
+    bits = np.unpackbits(down, count=math.prod(shape)).reshape(shape).astype(bool)
+    return tuple(about["lines"]), bits, probability, centre, about["seed"], about["process"]
 
 
 def _check_kinds(

@@ -1,19 +1,23 @@
-r"""Few scenarios in place of many: fast forward selection, weights kept.
+r"""Few scenarios in place of many: fast forward selection, weights that keep means.
 
 Heitsch and Roemisch (Scenario reduction algorithms in stochastic programming, Computational
 Optimization and Applications 24, 2003): in every step the scenario is kept that makes
 
 $$ D = \sum_j p_j \min_{i \text{ kept}} d(j, i) $$
 
-smallest; at the end every scenario that is not kept gives its probability to the nearest one that
-is. $D$ is then the transport distance between the two distributions. The first step is optimal, the
+smallest. If at the end every scenario that is not kept gives its probability to the nearest one
+that is, $D$ is the transport distance between the two distributions. The first step is optimal, the
 rest is greedy. The distance between two scenarios is the time in which lines differ, each line
 weighted by the load that hangs on it, if given.
+
+Nearest weights understate a storm: the scenario nearest to many binary paths is their median, in
+which whatever fails in fewer than half of them does not. Where means are to be kept, the weights
+are those of the least transport that keeps them (`transport.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +25,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Floats, Ints
 from resilience.case.schema import GridTable, LoadTable
-from resilience.errors import UsageError
+from resilience.errors import SolverError, UsageError
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.transport import (
+    in_units_of_spread,
+    least_transport,
+    with_means_in_reach,
+)
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -61,16 +70,26 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
     return behind_mw
 
 
-def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -> Scenarios:
-    """The `k` scenarios that stand best for all, with the probability of those they stand for.
+def reduced(
+    scenarios: Scenarios,
+    k: int,
+    *,
+    load_mw: ArrayLike | None = None,
+    means: Mapping[str, Floats] | None = None,
+) -> Scenarios:
+    """The `k` scenarios that stand best for all, with weights that add up to 1.
 
     Scenarios with the same outages count as one; where there are no more than k different ones,
-    nothing is lost.
+    nothing is lost. `represents` of what is returned holds them all.
 
     Args:
         scenarios: many.
         k: how many to keep, 1 or more.
         load_mw: (lines,) load at risk behind each line, MW; all alike if omitted.
+        means: by name, (scenarios,) values whose expectations are kept, as
+            `resilience.fragility.moments` gives. Where k scenarios cannot have them all, a few more
+            are kept, at most one more than there are means. If omitted, every scenario gives its
+            probability to the nearest.
 
     Raises:
         UsageError: k below 1, too many scenarios, or loads that do not fit the lines.
@@ -91,8 +110,11 @@ def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -
     probability: Floats = np.bincount(alike, scenarios.probability).astype(float)
     distance = outage_distance(scenarios.chosen(different), load)
     selected, nearest, lost = fast_forward(distance, probability, min(k, len(different)))
+    weight = np.bincount(nearest, probability, minlength=len(selected)).astype(float)
+    if means:
+        values = np.array([row[different] for row in means.values()])
+        selected, weight, lost = _keeping(values, selected, distance, probability)
     unit = "slots" if load_mw is None else "slots MW"
-    weight = np.bincount(nearest, probability, minlength=len(selected))
     index = different[selected]
     return Scenarios(
         scenarios.lines,
@@ -101,7 +123,29 @@ def reduced(scenarios: Scenarios, k: int, *, load_mw: ArrayLike | None = None) -
         None if scenarios.centre is None else scenarios.centre[:, index],
         scenarios.seed,
         f"{scenarios.process}; {len(selected)} kept of {scenarios.n}, distance {lost:.4g} {unit}",
+        represents=scenarios,
     )
+
+
+def _keeping(
+    values: Floats, selected: Ints, distance: Distances, probability: Floats
+) -> tuple[Ints, Floats, float]:
+    """Scenarios and weights with the means of all, and the transport distance.
+
+    Args:
+        values: (means, scenarios).
+        selected: scenarios to keep at least, unless they get no weight.
+        distance: (scenarios, scenarios).
+        probability: (scenarios,).
+    """
+    apart = in_units_of_spread(values, probability)
+    selected = with_means_in_reach(selected, apart)
+    to_kept = np.asarray(distance[:, selected], float)
+    transport = least_transport(to_kept, probability, apart[:, selected])
+    if transport is None:
+        raise SolverError("HiGHS found no weights that keep the means", hint="keep more scenarios")
+    weighty = transport.weight > 0.0
+    return selected[weighty], transport.weight[weighty], transport.distance
 
 
 def outage_distance(scenarios: Scenarios, load: Floats) -> NDArray[np.float32]:

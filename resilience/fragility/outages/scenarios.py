@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ class Scenarios:
             forecast at midnight; None where the process has no such thing.
         seed: what the draws were made from; None for a list or a file.
         process: the process and its settings, in words and numbers.
+        represents: the many scenarios that these few stand for; None: they stand for themselves.
 
     Raises:
         UsageError: shapes that do not match, or weights that are no probabilities.
@@ -47,6 +48,7 @@ class Scenarios:
     centre: Ints | None = None
     seed: int | None = None
     process: str = ""
+    represents: Scenarios | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         slots = self.down.shape[1] if self.down.ndim == 3 else 0
@@ -111,7 +113,9 @@ class Scenarios:
         ]
 
     def save(self, path: str | Path) -> None:
-        """Writes a .npz file, or a .csv file; what was drawn from what is in the former only.
+        """Writes a .npz file, or a .csv file.
+
+        What was drawn from what, and what few scenarios stand for, is in the former only.
 
         Raises:
             UsageError: another suffix.
@@ -153,13 +157,21 @@ def _write_csv(scenarios: Scenarios, path: Path) -> None:
 
 def _write_npz(scenarios: Scenarios, path: Path) -> None:
     about = {name: getattr(scenarios, name) for name in ("lines", "seed", "process")}
-    arrays: dict[str, Any] = {
+    arrays: dict[str, Any] = _arrays(scenarios) | {"about": json.dumps(about)}
+    if scenarios.represents is not None:
+        everything = scenarios.represents
+        process = json.dumps({**about, "process": everything.process})
+        arrays |= {f"all_{key}": value for key, value in _arrays(everything).items()}
+        arrays["all_about"] = process
+    with path.open("wb") as binary:
+        np.savez_compressed(binary, **arrays)
+
+
+def _arrays(scenarios: Scenarios) -> dict[str, Any]:
+    """What of scenarios is numbers, outages as bits."""
+    arrays = {
         "down": np.packbits(scenarios.down, axis=None),
         "shape": scenarios.down.shape,
         "probability": scenarios.probability,
-        "about": json.dumps(about),
     }
-    if scenarios.centre is not None:
-        arrays["centre"] = scenarios.centre
-    with path.open("wb") as binary:
-        np.savez_compressed(binary, **arrays)
+    return arrays if scenarios.centre is None else arrays | {"centre": scenarios.centre}

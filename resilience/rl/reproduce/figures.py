@@ -13,7 +13,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.measures.intervals import MeanInterval, mean_interval
 from resilience.evaluation.measures.statistics import gap_values
-from resilience.evaluation.paired import bound_by_day, cost_by_day
+from resilience.evaluation.paired import bound_by_day, cost_by_day, varies_days
 from resilience.evaluation.report import Report
 from resilience.rl.reproduce.published import Published
 
@@ -125,20 +125,27 @@ def figures(
 
 
 def episode_values(report: Report, name: str) -> dict[str, Floats]:
-    """Every figure of a method, (episodes, days), of extremes (episodes, 1)."""
+    """Every figure of a method, (episodes, days); (episodes, 1) of extremes, and where days are not
+    varied, see `varies_days`.
+    """
     measures, step_h = report.measures[name], report.case.step_h
-    by_day, shed_mwh = measures.daily_cost.T, measures.daily_shed_mwh.T
+    cost, shed_mwh = measures.daily_cost.T, measures.daily_shed_mwh.T
     net, rule = (cost_by_day(report, key) for key in (name, REFERENCE))
-    bound = bound_by_day(report)
+    bound, scale = bound_by_day(report), net.shape[1] / report.days
+
+    def varied(by_day: Floats) -> Floats:
+        return by_day if varies_days(report) else by_day.mean(1, keepdims=True)
+
+    gap = gap_values(varied(net), varied(bound), report.scenarios.probability)
     return {
-        "average": by_day,
-        "highest": by_day.max(1, keepdims=True),
-        "lowest": by_day.min(1, keepdims=True),
-        "shed_mwh": shed_mwh,
-        "shed_mw_slots": shed_mwh / step_h,
-        "net": net,
-        "gap_percent": 100.0 * gap_values(net, bound, report.scenarios.probability),
-        "over_rule": net - rule,
+        "average": varied(cost),
+        "highest": cost.max(1, keepdims=True),
+        "lowest": cost.min(1, keepdims=True),
+        "shed_mwh": varied(shed_mwh),
+        "shed_mw_slots": varied(shed_mwh / step_h),
+        "net": scale * varied(net),
+        "gap_percent": 100.0 * gap,
+        "over_rule": scale * varied(net - rule),
     }
 
 

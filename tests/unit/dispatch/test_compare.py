@@ -13,12 +13,12 @@ import pytest
 
 import resilience as rs
 from resilience.arrays import Floats
+from resilience.case.critical import critical_loads
 from resilience.case.days import held_out
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.columns import AC_COLUMNS, COLUMNS
 from resilience.evaluation.compare import compare, parse_error
-from resilience.evaluation.measures.measures import critical_loads
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.backends.base import Solution

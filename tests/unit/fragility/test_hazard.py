@@ -219,7 +219,7 @@ def test_rare_storms_are_drawn_often_and_few_stand_for_all(
     assert done.value.code == 0
     assert "out at once in" in capsys.readouterr().out
     few = load_scenarios(path, rs.load_case("ieee33_koinu"))
-    assert few.n == 40
+    assert 30 <= few.n <= 40  # some get no weight
     assert few.probability.sum() == pytest.approx(1.0)
     assert few.probability.max() > 2.0 * few.probability.min()
     with pytest.raises(SystemExit):
