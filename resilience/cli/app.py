@@ -80,7 +80,7 @@ def solve(
     if plot is not None:
         check_picture(plot)
     if export is not None:
-        check_export(export)
+        check_export(export, method)
     if out is not None:
         check_replaceable(out, result_kind(method))
     with terminal.progress(verbose):

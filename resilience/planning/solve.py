@@ -191,16 +191,23 @@ def result_kind(method: str) -> ResultKind:
     return PLAN if method in METHODS else SCENARIO_PLAN
 
 
-def check_export(path: Path) -> None:
-    """Refuses a file for the model before anything is solved.
+def check_export(path: Path, method: str) -> None:
+    """Refuses to export the model of a method to a file before anything is solved.
 
     Raises:
-        UsageError: another suffix than of LP, MPS or NL, or a folder.
+        UsageError: another suffix than of LP, MPS or NL, a folder, an unknown method, or one over
+            scenarios.
         FileError: it could not be written.
     """
     from resilience.models.backends.pyomo import check_format
 
     check_format(path)
+    if _is_over_scenarios(method, {}):
+        raise UsageError(
+            f"the model of a plan over scenarios, as by method {method}, is not one that could be "
+            "exported",
+            hint="export that of a single storm: --method lp with its outages",
+        )
     check_file(path)
 
 
@@ -208,17 +215,12 @@ def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
     """Writes the model behind a plan as LP, MPS or NL, by the suffix of `path`.
 
     Raises:
-        UsageError: another suffix, a plan without its case, or one over scenarios.
+        UsageError: as `check_export`, or a plan without its case.
     """
-    from resilience.models.backends.pyomo import Pyomo, check_format
+    from resilience.models.backends.pyomo import Pyomo
 
-    check_format(path)
-    if not isinstance(plan, Plan):
-        raise UsageError(
-            "a plan over scenarios is not one model that could be exported",
-            hint="export that of a single storm: --method lp with its outages",
-        )
-    if plan.case is None:
+    check_export(path, plan.method)
+    if not isinstance(plan, Plan) or plan.case is None:
         raise UsageError("a plan without its case has no model", hint="solve the case again")
     program = horizon(plan.case, cast(Physics, plan.physics))
     cones = program.standard.structures_of(Cone)

@@ -200,6 +200,17 @@ def test_the_model_is_exported(tiny: Path, tmp_path: Path, suffix: str) -> None:
     assert target.stat().st_size > 200
 
 
+@pytest.mark.parametrize("method", ["stochastic", "rule"])
+def test_a_model_over_scenarios_is_refused_before_the_case_is_read(
+    tmp_path: Path, method: str
+) -> None:
+    target = tmp_path / "model.lp"
+    done = run("solve", tmp_path / "none.toml", "--method", method, "--export", target)
+    assert done.returncode == 1
+    assert f"error: the model of a plan over scenarios, as by method {method}" in done.stderr
+    assert "hint: export that of a single storm" in done.stderr
+
+
 def test_unknown_words_are_refused_with_a_hint() -> None:
     for words in (["--method", "magic"], ["--physics", "dc"], ["--plot", "plan.xls"]):
         done = run("solve", "ieee33", *words)
