@@ -26,7 +26,7 @@ from resilience.progress import phase
 from resilience.rl.failed import with_failed
 from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
 from resilience.rl.reproduce.figures import Figures, figures
-from resilience.rl.reproduce.trained import trained_runs
+from resilience.rl.reproduce.trained import is_finished, seed_folders, trained_runs
 from resilience.rl.training.curves import load_curves
 from resilience.simulation.forecast import lasting_outlook
 from resilience.simulation.world import World, microgrid_with_fallible_lines
@@ -91,7 +91,7 @@ class Entrant:
 
 
 def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> Outcome:
-    """Runs an experiment, or reads what it gave when it was run before.
+    """Runs an experiment; what of its trainings is missing is trained.
 
     Args:
         case: the experiment's, without its changes.
@@ -100,21 +100,8 @@ def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> 
         folder: where trainings and figures are.
     """
     case = changed(case, experiment)
-    units = [unit.name for unit in case.ess]
-    notes = tuple(
-        f"{contender.label}: left out, {case.name} has {len(units)} agents"
-        for contender in experiment.contenders
-        if contender.failed >= len(units)
-    )
-    entrants = [
-        entrant(case, contender, experiment, scale, folder)
-        for contender in experiment.contenders
-        if contender.failed < len(units)
-    ]
-    digest = experiment_digest(case, experiment, scale, entrants)
-    path = folder / FIGURES_FOLDER / f"{experiment.name}-{digest}.json"
-    if (stored := load_part(path)) is not None:
-        return Outcome.of_plain(stored)
+    acting, absent = _in_case(case, experiment)
+    entrants = [entrant(case, contender, experiment, scale, folder) for contender in acting]
     with phase(f"experiment {experiment.name}"):
         makers = {name: make for e in entrants for name, make in e.factories.items()}
         report = evaluate(world(case, experiment, scale), makers, ac=True)
@@ -126,10 +113,40 @@ def outcome(case: Case, experiment: Experiment, scale: Effort, folder: Path) -> 
         report.setting,
         _rows(report, entrants),
         verdict(report)[-1] if experiment.recourse == "economic" else "",
-        notes,
+        tuple(
+            f"{contender.label}: left out, {case.name} has {len(case.ess)} agents"
+            for contender in absent
+        ),
     )
-    save_part(path, result.plain())
+    save_part(_figures_path(case, experiment, scale, folder, entrants), result.plain())
     return result
+
+
+def stored_outcome(
+    case: Case, experiment: Experiment, scale: Effort, folder: Path
+) -> Outcome | None:
+    """What `outcome` gave before; None where it, or a training it is of, is not there."""
+    case = changed(case, experiment)
+    acting, _ = _in_case(case, experiment)
+    runs = [run for c in acting for run in contender_runs(case, c, experiment, scale, folder)]
+    if not all(map(is_finished, runs)):
+        return None
+    entrants = [entrant(case, contender, experiment, scale, folder) for contender in acting]
+    stored = load_part(_figures_path(case, experiment, scale, folder, entrants))
+    return None if stored is None else Outcome.of_plain(stored)
+
+
+def _in_case(case: Case, experiment: Experiment) -> tuple[list[Contender], list[Contender]]:
+    """The contenders with agents left in the case, and those without."""
+    contenders, n = experiment.contenders, len(case.ess)
+    return [c for c in contenders if c.failed < n], [c for c in contenders if c.failed >= n]
+
+
+def _figures_path(
+    case: Case, experiment: Experiment, scale: Effort, folder: Path, entrants: list[Entrant]
+) -> Path:
+    digest = experiment_digest(case, experiment, scale, entrants)
+    return folder / FIGURES_FOLDER / f"{experiment.name}-{digest}.json"
 
 
 def experiment_digest(
@@ -195,8 +212,7 @@ def entrant(
     """
     if not contender.learns:
         return Entrant(contender, {contender.label: factory_of(contender.dispatcher)})
-    seeds = scale.variant_seeds if experiment.trains_anew else scale.seeds
-    runs = trained_runs(case, contender, scale, seeds, folder / RUNS_FOLDER)
+    runs = trained_runs(case, contender, scale, _seeds(experiment, scale), folder / RUNS_FOLDER)
     units = [unit.name for unit in case.ess[: contender.failed]]
     factories: dict[str, Factory] = {}
     for seed, run in enumerate(runs):
@@ -206,3 +222,16 @@ def entrant(
     if not seconds:
         raise UsageError(f"{runs[0].parent} holds no finished training", hint="delete it")
     return Entrant(contender, factories, tuple(runs), float(np.mean(seconds)))
+
+
+def contender_runs(
+    case: Case, contender: Contender, experiment: Experiment, scale: Effort, folder: Path
+) -> list[Path]:
+    """Where a contender's trainings are, or will be; arguments as for `entrant`."""
+    if not contender.learns:
+        return []
+    return seed_folders(case, contender, scale, _seeds(experiment, scale), folder / RUNS_FOLDER)
+
+
+def _seeds(experiment: Experiment, scale: Effort) -> int:
+    return scale.variant_seeds if experiment.trains_anew else scale.seeds

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from resilience.case import load_case
+from resilience.case import Case, load_case
 from resilience.case.measured.series import Measured, read_measured, write_measured_case
-from resilience.progress import interruptible, phase
+from resilience.progress import interruptible, notice, phase
 from resilience.results import REPRODUCTION, check_replaceable, replacing, write_summary
 from resilience.rl.reproduce.experiments import (
     EXPERIMENTS,
@@ -31,7 +31,7 @@ from resilience.rl.reproduce.experiments import (
     Experiment,
 )
 from resilience.rl.reproduce.outage_day import OutageDay, outage_day
-from resilience.rl.reproduce.outcomes import Outcome, entrant, outcome
+from resilience.rl.reproduce.outcomes import Outcome, entrant, outcome, stored_outcome
 from resilience.rl.reproduce.published import OPEN
 from resilience.rl.training.curves import load_curves
 
@@ -176,7 +176,8 @@ def _reproduction(
     }
     asked_for = cases[str(case)]
     with phase("experiments"):
-        outcomes = tuple(outcome(cases[e.case or str(case)], e, scale, folder) for e in experiments)
+        pairs = [(cases[e.case or str(case)], e) for e in experiments]
+        outcomes = _outcomes(pairs, scale, folder)
     return Reproduction(
         case=asked_for.name,
         scale=scale,
@@ -190,6 +191,27 @@ def _reproduction(
         folder=folder,
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _outcomes(
+    pairs: Sequence[tuple[Case, Experiment]], scale: Effort, folder: Path
+) -> tuple[Outcome, ...]:
+    """Of every experiment in its case; those that are there are read first, and counted."""
+    done: dict[int, Outcome] = {}
+
+    def share() -> str:
+        return f"{len(done)} of {len(pairs)} experiments are in {folder}"
+
+    with interruptible(lambda: f"{share()}; the same command goes on"):
+        for k, (case, experiment) in enumerate(pairs):
+            if (stored := stored_outcome(case, experiment, scale, folder)) is not None:
+                done[k] = stored
+        if done:
+            notice(share() if len(done) == len(pairs) else f"{share()}; the others are run")
+        for k, (case, experiment) in enumerate(pairs):
+            if k not in done:
+                done[k] = outcome(case, experiment, scale, folder)
+    return tuple(done[k] for k in range(len(pairs)))
 
 
 def _followed(

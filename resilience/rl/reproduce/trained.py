@@ -27,11 +27,22 @@ def trained_runs(
         seeds: how many, from 0.
         folder: where runs are.
     """
-    training_facts: dict[str, Any] = {"settings": dict(contender.settings)}
-    if contender.settings.get("variant") == "paper":
-        training_facts["settings"]["episodes"] = scale.episodes
-    else:
-        training_facts["budget_s"] = scale.budget_s
+    runs = seed_folders(case, contender, scale, seeds, folder)
+    for seed, run in enumerate(runs):
+        if not is_finished(run):
+            _train(case, contender, training_facts(contender, scale), seed, run)
+    return runs
+
+
+def is_finished(run: Path) -> bool:
+    """Whether a training into this folder came to its end."""
+    return (run / RESULT_FILE).is_file()
+
+
+def seed_folders(
+    case: Case, contender: Contender, scale: Effort, seeds: int, folder: Path
+) -> list[Path]:
+    """Where the run of every seed is, or will be; arguments as for `trained_runs`."""
     ground = training(case)
     facts = [
         version("resilience"),
@@ -39,25 +50,27 @@ def trained_runs(
         dict(ground.profiles),
         ground.start,
         contender.dispatcher,
-        training_facts,
+        training_facts(contender, scale),
     ]
     root = folder / f"{contender.dispatcher}-{digest_of(facts)[:12]}"
-    runs = [root / f"seed-{seed}" for seed in range(seeds)]
-    for seed, run in enumerate(runs):
-        if not (run / RESULT_FILE).is_file():
-            _train(case, contender, training_facts, seed, run)
-    return runs
+    return [root / f"seed-{seed}" for seed in range(seeds)]
 
 
-def _train(
-    case: Case, contender: Contender, training_facts: dict[str, Any], seed: int, run: Path
-) -> None:
+def training_facts(contender: Contender, scale: Effort) -> dict[str, Any]:
+    """The settings of a training, and its budget where they do not state one."""
+    settings = dict(contender.settings)
+    if contender.settings.get("variant") == "paper":
+        return {"settings": settings | {"episodes": scale.episodes}}
+    return {"settings": settings, "budget_s": scale.budget_s}
+
+
+def _train(case: Case, contender: Contender, facts: dict[str, Any], seed: int, run: Path) -> None:
     from resilience.extras import need
 
     need("learn", "training", "torch", "safetensors")
     from resilience.rl.training.train import train
 
-    budget = {key: value for key, value in training_facts.items() if key != "settings"}
+    budget = {key: value for key, value in facts.items() if key != "settings"}
     with phase(f"training {contender.label} for {case.name}, seed {seed}"):
         train(
             case,
@@ -66,5 +79,5 @@ def _train(
             resume=(run / LAST_FILE).is_file(),
             seeds=(seed,),
             **budget,
-            **training_facts["settings"],
+            **facts["settings"],
         )

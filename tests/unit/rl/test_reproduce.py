@@ -20,8 +20,10 @@ import resilience as rs
 from resilience.case import case_text
 from resilience.cli.app import app
 from resilience.errors import UsageError
+from resilience.evaluation.compare import evaluate
 from resilience.evaluation.measures.intervals import MeanInterval
 from resilience.fragility.draw import sample_case
+from resilience.progress import NOTICE
 from resilience.rl.reproduce import experiments, outage_day, outcomes, published, trained
 from resilience.rl.reproduce import run as runner
 from resilience.rl.reproduce.experiments import Contender, Effort, Experiment
@@ -156,6 +158,44 @@ def test_a_second_call_trains_and_simulates_nothing_and_says_the_same(
     assert failing.notes == ("3 failed: left out, small has 2 agents",)
     assert by_name["methods-paper"].setting[-1] == "the paper's recourse"
     check_saved(first)
+
+
+def test_a_call_that_goes_on_says_how_many_experiments_it_found(
+    tmp_path: Path,
+    case_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    chosen = [Experiment(name, "rules alone", (experiments.RULE,)) for name in ("b", "a", "c")]
+    chosen[1] = replace(chosen[1], recourse="paper")
+    out = tmp_path / "out"
+    calls: list[str] = []
+
+    def stopped_at_the_third(*arguments: Any, **options: Any) -> Any:
+        calls.append("call")
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return evaluate(*arguments, **options)
+
+    def called() -> str:
+        caplog.clear()
+        with pytest.raises(KeyboardInterrupt) as stop:
+            reproduce(case_path, out=out, scale=TINY, experiments=chosen)
+        assert str(stop.value) == f"2 of 3 experiments are in {out}; the same command goes on"
+        return "\n".join(caplog.messages)
+
+    caplog.set_level(NOTICE, "resilience")
+    monkeypatch.setattr(outcomes, "evaluate", stopped_at_the_third)
+    assert called() == ""
+    calls[:] = ["call"] * 2
+    assert called() == f"2 of 3 experiments are in {out}; the others are run"
+    (damaged,) = (out / "figures").glob("a-*.json")
+    damaged.write_text(damaged.read_text(encoding="utf-8").replace('"mean": ', '"mean": 1'))
+    calls[:] = ["call"]
+    assert called().splitlines() == [
+        f"{damaged} is damaged or was changed, and is made anew",
+        f"1 of 3 experiments are in {out}; the others are run",
+    ]
 
 
 def check_saved(result: Reproduction) -> None:
