@@ -20,18 +20,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
+MAX_MESSAGE = 4000
+"""Characters of a message."""
+
 
 class ResilienceError(Exception):
     """Base of all errors of the package.
 
     Attributes:
-        message: subject, value found, what is allowed.
+        message: subject, value found, what is allowed; what is too long to read loses its middle.
         hint: the remedy; empty where there is none.
     """
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message, hint)
-        self.message = message
+        half = MAX_MESSAGE // 2
+        is_long = len(message) > MAX_MESSAGE
+        self.message = f"{message[:half]} ... {message[-half:]}" if is_long else message
         self.hint = hint
 
     def __str__(self) -> str:

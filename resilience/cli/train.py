@@ -11,6 +11,7 @@ import typer
 
 from resilience.cli import options, terminal
 from resilience.errors import UsageError
+from resilience.inputs import to_number
 from resilience.rl.algorithms.registry import ALGORITHMS
 
 METHODS = "; ".join(f"{name}: {entry.about}" for name, entry in ALGORITHMS.items())
@@ -77,7 +78,7 @@ def train(
             method,
             out=out,
             resume=resume,
-            seeds=[int(seed) for seed in _numbers(seeds)],
+            seeds=_seeds(seeds),
             budget_s=_seconds(budget),
             iterations=iterations,
             band=band,
@@ -168,27 +169,25 @@ def _print_settings(method: str, values: dict[str, Any]) -> None:
     print_settings(method, described(algorithm(method).settings_kind(**variant)), plain_console())
 
 
-def _numbers(text: str) -> list[str]:
-    numbers = [word.strip() for word in text.split(",") if word.strip()]
-    if not all(number.isdigit() for number in numbers):
+def _seeds(text: str) -> list[int]:
+    """Seeds from `0,1,2`."""
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if not all(word.isascii() and word.isdigit() and len(word) < 20 for word in words):
         raise UsageError(
             f"seeds {text!r}; allowed: whole numbers with commas", hint="--seeds 0,1,2"
         )
-    return numbers
+    return [int(word) for word in words]
 
 
 def _seconds(text: str) -> float:
     """Seconds from `120s`, `10m` or `120`."""
     unit = {"s": 1.0, "m": 60.0, "h": 3600.0}.get(text[-1:], 0.0)
-    try:
-        seconds = float(text[:-1]) * unit if unit else float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0.0 < seconds < 1e6:
+    seconds = to_number(text[:-1] if unit else text)
+    if seconds is None or not 0.0 < seconds * (unit or 1.0) < 1e6:
         raise UsageError(
             f"budget {text!r}; allowed: a time such as 120s or 10m", hint="--budget 120s"
         )
-    return seconds
+    return seconds * (unit or 1.0)
 
 
 def _settings(pairs: list[str]) -> dict[str, Any]:
@@ -200,7 +199,7 @@ def _settings(pairs: list[str]) -> dict[str, Any]:
             raise UsageError(f"--set {pair!r}; allowed: NAME=VALUE", hint="--set batch=256")
         try:
             value = json.loads(text)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             value = text
         settings[name.strip()] = tuple(value) if isinstance(value, list) else value
     return settings

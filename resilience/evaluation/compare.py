@@ -27,6 +27,7 @@ from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_case
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.inputs import to_number
 from resilience.models.microgrid import Physics
 from resilience.progress import interruptible, phase
 from resilience.results import COMPARISON, check_replaceable
@@ -241,15 +242,13 @@ def parse_error(text: ForecastError | str | None) -> ForecastError | None:
         return None
     if text in ERRORS:
         return ERRORS[text]
-    try:
-        sigma, correlation = (float(number) for number in text.split(","))
-    except ValueError:
-        raise UsageError(
-            f"forecast error {text!r} cannot be read; allowed: none, {', '.join(ERRORS)}, or "
-            "SIGMA,RHO",
-            hint="0.025,0.97 is measured: a standard deviation of 2.5 % that lasts for hours",
-        ) from None
-    return ForecastError(sigma, correlation)
+    match [to_number(word.strip()) for word in text.split(",")]:
+        case [float(sigma), float(correlation)]:
+            return ForecastError(sigma, correlation)
+    raise UsageError(
+        f"forecast error {text!r} cannot be read; allowed: none, {', '.join(ERRORS)}, or SIGMA,RHO",
+        hint="0.025,0.97 is measured: a standard deviation of 2.5 % that lasts for hours",
+    )
 
 
 def _text(error: ForecastError | None) -> str:

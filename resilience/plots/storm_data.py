@@ -130,7 +130,7 @@ def zone_names(network: Network, zone_of: Ints) -> tuple[str, ...]:
 
 
 def _zone_name(names: list[str]) -> str:
-    if all(name.isdigit() for name in names):
+    if all(name.isdecimal() for name in names):
         runs: list[list[int]] = []
         for number in sorted(map(int, names)):
             if runs and number == runs[-1][1] + 1:
@@ -229,4 +229,4 @@ def _loads(n: int) -> str:
 
 
 def _buses(zone: str) -> str:
-    return f"bus {zone}" if zone.isdigit() else f"buses {zone}"
+    return f"bus {zone}" if zone.isdecimal() else f"buses {zone}"

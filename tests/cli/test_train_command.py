@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import resilience as rs
 from resilience.case import case_text
 from resilience.cli.app import app
-from resilience.cli.train import _seconds
+from resilience.cli.train import _seconds, _seeds, _settings
 from tests.unit.rl.small import few_storms, small_storm_case
 
 
@@ -87,3 +87,19 @@ def test_a_budget_is_a_time(text: str, seconds: float) -> None:
 def test_what_is_no_time_is_refused(text: str) -> None:
     with pytest.raises(rs.UsageError, match="allowed: a time such as 120s"):
         _seconds(text)
+
+
+@pytest.mark.parametrize("text", ["²", "1_0", "-1", "٣", "9" * 5000, "0,x"])
+def test_seeds_are_whole_numbers(text: str) -> None:
+    assert _seeds("0, 7,12") == [0, 7, 12]
+    with pytest.raises(rs.UsageError, match="allowed: whole numbers with commas"):
+        _seeds(text)
+
+
+def test_what_is_no_json_is_a_text() -> None:
+    digits, brackets = "9" * 5000, "[" * 50_000
+    assert _settings([f"x={digits}", f"y={brackets}", "z=[1, 2]"]) == {
+        "x": digits,
+        "y": brackets,
+        "z": (1, 2),
+    }

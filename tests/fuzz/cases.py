@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 import tomllib
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
@@ -22,7 +23,11 @@ from resilience.case import parse_outages
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.case.measured.series import Measured, read_measured
+from resilience.cli.train import _seconds, _seeds, _settings
+from resilience.evaluation.compare import parse_error
 from resilience.fragility.outages.files import load_scenarios
+from resilience.models.program.risk import Risk
+from resilience.simulation.forecast import ForecastError
 from resilience.text.console import plain_console
 from resilience.text.plan import print_case
 from tests.fuzz.changes import (
@@ -237,14 +242,6 @@ CASES |= {
         sound_outages,
         "outages.csv",
     ),
-    "outages in words": Kind(
-        lambda: {"words": OUTAGE_TEXT.encode()},
-        one_file("words", lambda data: words_changed(data.decode())),
-        lambda folder: parse_outages(
-            (folder / "words").read_bytes().decode("utf-8", "replace"), small_case()
-        ),
-        sound_outages,
-    ),
     "scenarios.csv": Kind(
         lambda: {"scenarios.csv": SCENARIOS.encode()},
         lambda _: table_changed(SCENARIOS).map(lambda data: {"scenarios.csv": data}),
@@ -261,6 +258,47 @@ CASES |= {
         sound_scenarios,
         "scenarios.npz",
     ),
+}
+
+
+OPTIONS: dict[str, tuple[str, Callable[[str], Any]]] = {
+    "forecast error": ("0.025,0.97", parse_error),
+    "risk": ("cvar:0.95:0.5", Risk.parse),
+    "seeds": ("0, 1,22", _seeds),
+    "budget": ("120.5s", _seconds),
+    "setting": ("hidden=[64, 64]", lambda text: _settings([text])),
+}
+"""How an option is written, and who reads it."""
+
+
+def sound_option(option: Any) -> None:
+    if isinstance(option, list):
+        assert all(0 <= seed < 10**19 for seed in option)
+    elif isinstance(option, float):
+        assert 0.0 < option < 1e6
+    elif isinstance(option, Risk):
+        assert 0.0 <= option.weight <= 1.0
+        assert 0.0 <= option.alpha < 1.0
+    elif isinstance(option, ForecastError):
+        assert 0.0 <= option.sigma <= 1.0
+        assert 0.0 <= option.correlation < 1.0
+
+
+def words_kind(text: str, read: Callable[[str], Any], sound: Callable[[Any], object]) -> Kind:
+    return Kind(
+        lambda: {"words": text.encode()},
+        one_file("words", lambda data: words_changed(data.decode())),
+        lambda folder: read((folder / "words").read_bytes().decode("utf-8", "replace")),
+        sound,
+    )
+
+
+CASES["outages in words"] = words_kind(
+    OUTAGE_TEXT, lambda text: parse_outages(text, small_case()), sound_outages
+)
+CASES |= {
+    f"{name} in words": words_kind(text, read, sound_option)
+    for name, (text, read) in OPTIONS.items()
 }
 
 

@@ -28,6 +28,7 @@ class Kind:
         sound: raises where what was read is nonsense.
         named: what every refusal names.
         slow: whether a file takes so long that fewer are tried.
+        unchanged: what comes of the sound files.
     """
 
     base: Callable[[], Files]
@@ -36,6 +37,7 @@ class Kind:
     sound: Callable[[Any], object] = lambda value: None
     named: str = ""
     slow: bool = False
+    unchanged: Verdict = "read"
 
 
 class Changed(dict[str, bytes]):

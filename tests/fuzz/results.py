@@ -1,10 +1,11 @@
-"""Kinds of files that results are kept in: plans, comparisons, trajectories, runs, policies."""
+"""Kinds of files that results are kept in: plans, comparisons, trajectories, curves, caches."""
 
 from __future__ import annotations
 
 import io
 import json
 import tomllib
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,12 @@ from hypothesis import strategies as st
 
 import resilience as rs
 from resilience.dispatch.rules import Greedy
+from resilience.dispatch.sddp import cache
+from resilience.dispatch.sddp.model import Cuts
+from resilience.dispatch.sddp.training import Trained
+from resilience.errors import UsageError
 from resilience.evaluation.comparison import Comparison, load_comparison
+from resilience.parts import load_part, save_part
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.trajectory_file import load_trajectory, save_trajectory
@@ -170,3 +176,66 @@ def read_curves(folder: Path) -> Any:
 RESULTS["learning curve"] = Kind(
     saved(write_run), some_file(file_changed), read_curves, sound_curves, "run"
 )
+
+
+CUTS, CUTS_KEY = "cuts.npz", "digest of what they are of"
+
+
+def few_cuts() -> Trained:
+    """Two slots with two and one modes, one to three cuts each."""
+    rng = np.random.default_rng(3)
+    counts = iter((1, 3, 2, 2))
+
+    def cuts() -> Cuts:
+        n = next(counts)
+        return Cuts(rng.normal(size=n), rng.normal(size=(n, 2)), rng.normal(size=(n, 1)))
+
+    return Trained([[cuts(), cuts()], [cuts()]], cuts(), np.array([3.5, 4.25]))
+
+
+def load_cuts(folder: Path) -> Trained:
+    cuts = cache.load(folder / CUTS, CUTS_KEY)
+    if cuts is None:
+        raise UsageError("no such cuts")
+    return cuts
+
+
+def sound_cuts(cuts: Trained) -> None:
+    """Those that were saved, and nothing else."""
+    wanted = few_cuts()
+    assert [len(slot) for slot in cuts.cuts] == [2, 1]
+    everything, all_wanted = ([*chain(*t.cuts), t.root] for t in (cuts, wanted))
+    for one, other in zip(everything, all_wanted, strict=True):
+        for name in ("alpha", "beta", "gamma"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_array_equal(cuts.bounds, wanted.bounds)
+
+
+PART, FIGURES = "figures.json", {"name": "methods", "rows": [{"mean": 3.5, "low": None}, "text"]}
+
+
+def load_figures(folder: Path) -> Any:
+    figures = load_part(folder / PART)
+    if figures is None:
+        raise UsageError("no such part")
+    return figures
+
+
+def sound_figures(figures: Any) -> None:
+    assert figures == FIGURES
+
+
+RESULTS |= {
+    "cuts": Kind(
+        saved(lambda folder: cache.save(folder / CUTS, CUTS_KEY, few_cuts())),
+        some_file(file_changed),
+        load_cuts,
+        sound_cuts,
+    ),
+    "figures": Kind(
+        saved(lambda folder: save_part(folder / PART, FIGURES)),
+        some_file(file_changed),
+        load_figures,
+        sound_figures,
+    ),
+}

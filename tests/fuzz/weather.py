@@ -17,6 +17,7 @@ from tests.fuzz.cases import sound_case
 from tests.fuzz.changes import bytes_changed, data_changed, table_changed, words_changed
 from tests.fuzz.kinds import Files, Kind
 from tests.unit.fragility.tracks.test_readers import CMA, HURDAT2, IBTRACS, PLAIN
+from tests.unit.fragility.tracks.test_unread import A_DECK, B_DECK, F_DECK
 
 TRACK = "track.txt"
 
@@ -46,6 +47,24 @@ WEATHER = {
     "track, CMA": track_kind(CMA, "1409", words_changed(CMA)),
     "track, CSV": track_kind(PLAIN, None, table_changed(PLAIN)),
 }
+
+
+def no_track(track: Track) -> None:
+    raise AssertionError(f"read as a track of {len(track.time)} points")
+
+
+def unread_kind(text: str) -> Kind:
+    return Kind(
+        lambda: {TRACK: text.encode()},
+        lambda _: table_changed(text).map(lambda data: {TRACK: data}),
+        lambda folder: read_track(folder / TRACK),
+        no_track,
+        TRACK,
+        unchanged="refused",
+    )
+
+
+WEATHER |= {"track, ATCF": unread_kind(A_DECK + B_DECK), "track, ATCF fixes": unread_kind(F_DECK)}
 
 MATPOWER = """\
 function mpc = feeder

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats
 from resilience.errors import UsageError, check_range
+from resilience.inputs import to_number
 from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Standard, Values
 from resilience.tolerances import PROBABILITY_TOLERANCE
@@ -54,17 +55,13 @@ class Risk:
         if text.strip().lower() in ("mean", "expected"):
             return cls()
         kind, *numbers = text.strip().lower().split(":")
-        try:
-            alpha, weight = (float(number) for number in numbers)
-            understood = kind == "cvar"
-        except ValueError:
-            understood = False
-        if not understood:
-            raise UsageError(
-                f"risk {text!r} is unknown; allowed: mean, {RISK_FORM}",
-                hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
-            )
-        return cls(alpha, weight)
+        match kind, *(to_number(number.strip()) for number in numbers):
+            case "cvar", float(alpha), float(weight):
+                return cls(alpha, weight)
+        raise UsageError(
+            f"risk {text!r} is unknown; allowed: mean, {RISK_FORM}",
+            hint="cvar:0.95:0.5 is half the mean, half the mean of the worst 5 %",
+        )
 
     @property
     def averse(self) -> bool:

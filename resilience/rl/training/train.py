@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from resilience.case import Case, load_case
-from resilience.errors import UsageError
+from resilience.errors import UsageError, check_range
 from resilience.rl.training.run import Run
 from resilience.rl.training.trainer import TrainingOptions
 
@@ -63,6 +63,8 @@ def train(  # noqa: PLR0913 every one is an option of the command line
         raise UsageError(
             f"seeds {list(seeds)}; allowed: one or more, each once", hint="--seeds 0,1,2"
         )
+    for seed in seeds:
+        check_range("seed", seed, 0, 2**63 - 1, hint="0, 1 and 2 are as good as any")
     options = TrainingOptions(
         method=method,
         iterations=iterations,

@@ -29,7 +29,8 @@ def test_it_is_the_mean_and_the_tail(alpha: float) -> None:
 def test_words_for_it() -> None:
     assert Risk.parse("cvar:0.9:0.25") == Risk(0.9, 0.25)
     assert Risk.parse("mean") == Risk()
-    for wrong in ("cvar", "cvar:0.9", "cvar:a:b", "var:0.9:0.1", "cvar:1:0.5", "cvar:0.5:2"):
+    wrong_words = ("cvar", "cvar:0.9", "cvar:a:b", "var:0.9:0.1", "cvar:1:0.5", "cvar:0.5:2")
+    for wrong in (*wrong_words, "cvar:0.9:0.0_5", "cvar:0.9:0.5:0.5"):
         with pytest.raises(UsageError, match="hint"):
             Risk.parse(wrong)
 

@@ -100,6 +100,8 @@ def test_zone_names_are_short() -> None:
     names = ["bus a", "bus b", "3", "5"]
     network = replace(chain().network, bus_names=tuple(names))
     assert zone_names(network, np.array([0, 0, 1, 1])) == ("bus a, bus b", "3, 5")
+    numbered = replace(network, bus_names=("²", "7", "9", "8"))
+    assert zone_names(numbered, np.array([0, 0, 1, 1])) == ("², 7", "8–9")
     assert zone_names(network, np.zeros(4, int)) == ("bus a, bus b, ...",)
 
 
