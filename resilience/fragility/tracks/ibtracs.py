@@ -1,23 +1,25 @@
 """IBTrACS version 4 CSV: every agency's best track side by side, winds in knots.
 
-A heading, a row of units, and a row per storm and time. `WMO_WIND` is that of the agency
-responsible for the basin, named row by row in `WMO_AGENCY`; other columns begin with the agency.
-Averaging times follow from the agency. Rows of spurs, and rows for which the chosen agency says
-neither wind nor pressure, are left out; a place the agency does not say is IBTrACS' own.
+A heading, a row of units, and a row per storm and time; a spreadsheet may have put semicolons
+between the cells, and decimal commas in them. `WMO_WIND` is that of the agency responsible for the
+basin, named row by row in `WMO_AGENCY`; other columns begin with the agency. Averaging times follow
+from the agency. Rows of spurs, and rows for which the chosen agency says neither wind nor pressure,
+are left out; a place the agency does not say is IBTrACS' own.
 """
 
 from __future__ import annotations
 
 import re
 
-import numpy as np
-
 from resilience.earth.averaging import AGENCIES
 from resilience.errors import UsageError
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.fill import PENV_HPA
-from resilience.fragility.tracks.plain import data_rows, named_storm
+from resilience.fragility.tracks.plain import (
+    data_rows, heading_separator, named_storm, with_points,
+)  # fmt: skip
 from resilience.fragility.tracks.track import Track
+from resilience.inputs import has_decimal_commas
 
 RESPONSIBLE = {
     "hurdat_atl": "usa",
@@ -37,7 +39,8 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
         CaseError: mistakes in the storm's rows, or units other than IBTrACS'.
         UsageError: the storm is not in the file, or must be named; no such agency.
     """
-    rows, numbers = data_rows(_narrowed(text, storm))
+    separator = heading_separator(text)
+    rows, numbers = data_rows(_narrowed(text, storm), separator)
     heading = [cell.strip().upper() for cell in rows[0]]
     table = [
         (dict(zip(heading, row, strict=False)), k) for row, k in zip(rows, numbers, strict=True)
@@ -54,7 +57,10 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
     about.basin = about.basin or (basin if basin in PENV_HPA else "")
     about.source = f"{about.file}: {about.source}, IBTrACS, {who.lower()}"
     about.rows = [k for _, k in body]
-    return build(_columns(body, who), about)
+    columns = _columns(body, who)
+    if has_decimal_commas(columns.values(), separator):
+        columns = with_points(columns, about)
+    return build(_with_sound_environment(columns), about)
 
 
 def _narrowed(text: str, storm: str | None) -> str:
@@ -175,11 +181,14 @@ def _columns(body: list[tuple[Row, int]], who: str) -> dict[str, list[str]]:
     headings = {"vmax_kt": "WIND", "pressure_hpa": "PRES", "rmw_nmi": "RMW", "penv_hpa": "POCI"}
     for target, key in headings.items():
         columns[target] = [row.get(f"{who}_{key}", "") for row, _ in body]
-    # A closed isobar below the centre's own pressure is an agency's slip, not an environment.
-    pairs = zip(columns["penv_hpa"], columns["pressure_hpa"], strict=True)
-    for k in np.flatnonzero([_below(penv, pressure) for penv, pressure in pairs]):
-        columns["penv_hpa"][k] = ""
     return columns
+
+
+def _with_sound_environment(columns: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Without closed isobars below the centre's own pressure: an agency's slips."""
+    pairs = zip(columns["penv_hpa"], columns["pressure_hpa"], strict=True)
+    penv = ["" if _below(penv, pressure) else penv for penv, pressure in pairs]
+    return columns | {"penv_hpa": penv}
 
 
 def _below(penv: str, pressure: str) -> bool:

@@ -24,7 +24,7 @@ def parse(text: str, about: About, storm: str | None) -> Track:
         CaseError: mistakes in the file.
         UsageError: the storm is not in it, or must be named.
     """
-    separator = _separator(text)
+    separator = heading_separator(text)
     rows, numbers = data_rows(text, separator)
     heading = [cell.strip() for cell in rows[0]] if rows else []
     lower = [cell.lower() for cell in heading]
@@ -53,17 +53,17 @@ def parse(text: str, about: About, storm: str | None) -> Track:
     about.rows = [number for _, number in body]
     columns = {key: [row[k] for row, _ in body] for k, key in enumerate(heading)}
     if has_decimal_commas((row for row, _ in body), separator):
-        columns = _with_points(columns, about)
+        columns = with_points(columns, about)
     return build(columns, about)
 
 
-def _separator(text: str) -> str:
+def heading_separator(text: str) -> str:
     """What stands between the cells of a file, by its heading."""
     heads = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
     return separator_of(next(heads, ""))
 
 
-def _with_points(columns: dict[str, list[str]], about: About) -> dict[str, list[str]]:
+def with_points(columns: dict[str, list[str]], about: About) -> dict[str, list[str]]:
     """Columns with points for the decimal commas of numbers; points among them are mistakes."""
     changed = dict(columns)
     for heading, cells in columns.items():

@@ -15,7 +15,7 @@ from resilience.fragility.tracks import cma, hurdat2, ibtracs, plain
 from resilience.fragility.tracks.columns import About
 from resilience.fragility.tracks.track import Track
 from resilience.fragility.tracks.unread import refuse_unread
-from resilience.inputs import check_root, checked_path
+from resilience.inputs import check_root, checked_path, separator_of
 
 HEAD_LINES, HEAD_BYTES = 20, 2000  # enough to tell formats apart
 Parser = Callable[[str, About, str | None, str | None], Track]
@@ -48,7 +48,8 @@ def _of_one_agency(parse: Callable[[str, About, str | None], Track]) -> Parser:
 def _has_headings(head: str, *headings: str) -> bool:
     """Whether the first line names columns."""
     first = head.partition("\n")[0]
-    return set(headings) <= {cell.strip().upper() for cell in first.split(",")}
+    cells = first.split(separator_of(first))
+    return set(headings) <= {cell.strip().strip('"').upper() for cell in cells}
 
 
 FORMATS: dict[str, TrackFormat] = {

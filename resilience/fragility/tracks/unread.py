@@ -39,8 +39,13 @@ UNREAD: tuple[Unread, ...] = (
     Unread("a zip archive, as KMZ, shapefiles and spreadsheets are", "PK\x03\x04", AS_CSV),
     Unread(
         "an ATCF deck",
-        r"[A-Z]{2},\s*\w{1,2},\s*\d{10,12},",
+        r"[A-Z]{2}[,;\t]\s*\w{1,2}[,;\t]\s*\d{10,12}[,;\t]",
         f"use IBTrACS or HURDAT2; of a forecast {AS_CSV}",
+    ),
+    Unread(
+        "HURDAT2 without its commas",
+        r"[A-Z]{2}\d{6}\s*[;\t]",
+        "a spreadsheet saved it: take the file of NHC as it is",
     ),
     Unread(
         "RSMC Tokyo's best-track text",

@@ -124,6 +124,23 @@ def test_ibtracs_wmo_where_usa_says_nothing(tmp_path: Path) -> None:
     assert track.penv_hpa[0] == 1004.0
 
 
+@pytest.mark.parametrize("agency", [None, "cma"])
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_ibtracs_saved_by_a_spreadsheet(separator: str, agency: str | None, tmp_path: Path) -> None:
+    # 937.5 hPa within an isobar of 935.5 is an agency's slip, with a comma as with a point.
+    text = IBTRACS.replace("115,938,1003", "115,937.5,935.5")
+    usual = read_track(written(tmp_path, text), storm="koinu", agency=agency)
+    saved = text.replace(",", separator).replace(".", ",").replace("SID", '"SID"', 1)
+    again = read_track(written(tmp_path, saved), storm="koinu", agency=agency)
+    for field in ("time", "lat", "lon", "vmax_mps", "pressure_hpa", "rmw_km", "penv_hpa"):
+        np.testing.assert_array_equal(getattr(again, field), getattr(usual, field))
+    assert again.agency == usual.agency
+    assert again.filled == usual.filled
+    mixed = saved.replace("22,1", "22.1")
+    with pytest.raises(CaseError, match="a number with a decimal comma"):
+        read_track(written(tmp_path, mixed), storm="koinu")
+
+
 def test_ibtracs_refuses_what_it_cannot_know(tmp_path: Path) -> None:
     path = written(tmp_path, IBTRACS)
     with pytest.raises(UsageError, match="KOINU 2023 = 2023271N14144, OTHER 2023"):

@@ -60,7 +60,8 @@ HEADLESS = "2014-07-18T00:00Z,19.1,112.3,50,930\n2014-07-18T12:00Z,20.3,110.3,50
 HEADLESS_BLANKS = "20140718 00 19.1 112.3 930 50\n20140718 06 19.9 111.3 888 72\n"
 KML = '<?xml version="1.0"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">\n</kml>\n'
 TEXTS = {
-    "an ATCF deck": (B_DECK, A_DECK, F_DECK, "# Irma\n" + B_DECK),
+    "an ATCF deck": (B_DECK, A_DECK, F_DECK, "# Irma\n" + B_DECK, A_DECK.replace(",", ";")),
+    "HURDAT2 without its commas": (HURDAT2.replace(",", ";"), HURDAT2.replace(",", "\t")),
     "RSMC Tokyo's best-track text": (TOKYO, TOKYO_1951),
     "a warning bulletin": (JTWC, NHC),
     "a Unisys track": (UNISYS,),
