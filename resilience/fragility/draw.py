@@ -19,21 +19,23 @@ from resilience.fragility.outages.scenarios import Scenarios
 if TYPE_CHECKING:
     from resilience.case import Case, Outage
 
+BATCH = 16
+"""Scenarios drawn at once: their generators and numbers take more memory than their outages."""
 DRAWN = ("bell", "storm")
 """Outages that are drawn, as a user names them."""
 
 
 @dataclass(frozen=True)
 class Day:
-    """What is drawn for one day, whatever becomes of it.
+    """What is drawn for one day in some scenarios, whatever becomes of it.
 
     Attributes:
-        forecast: slot of 15 minutes in which the hazard is expected to peak.
-        fails: (lines, slots) True where a line fails if it is up and may fail.
-        lengths: (lines, slots) slots until a line that fails there is back.
+        forecast: (scenarios,) slot of 15 minutes in which the hazard is expected to peak.
+        fails: (scenarios, lines, slots) True where a line fails if it is up and may fail.
+        lengths: (scenarios, lines, slots) slots until a line that fails there is back.
     """
 
-    forecast: int
+    forecast: Ints
     fails: Bools
     lengths: Ints
 
@@ -77,11 +79,13 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
     down = np.zeros((len(lines), slots, n), bool)
     forecast_peaks = np.zeros((count, n), np.intp)
     root = np.random.default_rng(seed)
-    for k in range(n):
-        rng = root.spawn(1)[0]  # one by one: a generator takes more memory than its outages
-        drawn = [draw_day(bell, len(lines), per_day, rng) for _ in range(count)]
-        forecast_peaks[:, k] = [day.forecast for day in drawn]
-        down[:, :, k] = outage_path(drawn, bell)[:, offset : offset + slots]
+    for first in range(0, n, BATCH):
+        batch = slice(first, min(first + BATCH, n))
+        streams = root.spawn(batch.stop - first)
+        drawn = [draw_day(bell, len(lines), per_day, streams) for _ in range(count)]
+        forecast_peaks[:, batch] = [day.forecast for day in drawn]
+        paths = outage_paths(drawn, bell)[:, :, offset : offset + slots]
+        down[:, :, batch] = paths.transpose(1, 2, 0)
     return Scenarios(lines, down, np.full(n, 1.0 / n), forecast_peaks, seed, str(bell))
 
 
@@ -99,19 +103,25 @@ def check_calendar(case: Case) -> None:
         )
 
 
-def draw_day(bell: Bell, lines: int, slots: int, rng: np.random.Generator) -> Day:
-    """Draws one day of `slots` slots."""
-    step_min = DAY_MIN / slots
-    storm_peak = int(rng.choice(bell.centre_slots()))
-    chance = bell.slot_probability(storm_peak + shifts(bell, lines, rng), step_min, slots)
-    draws: Floats = rng.random((lines, slots))
+def draw_day(bell: Bell, lines: int, slots: int, streams: Sequence[np.random.Generator]) -> Day:
+    """Draws one day of `slots` slots with every stream, that of a scenario each."""
+    n, step_min = len(streams), DAY_MIN / slots
+    usual, lengths = bell.centre_slots(), bell.lengths(step_min)
+    draws: Floats = np.empty((n, lines, slots))
+    storm_peak, error = np.empty(n, np.intp), np.empty(n, np.intp)
+    shift, length = np.empty((n, lines), np.intp), np.empty((n, lines, slots), np.intp)
+    for k, rng in enumerate(streams):
+        storm_peak[k] = usual[rng.integers(len(usual))]
+        shift[k] = shifts(bell, lines, rng)
+        rng.random(out=draws[k])
+        length[k] = lengths[rng.integers(0, len(lengths), (lines, slots))]
+        error[k] = rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1)
     if bell.common_draw:
-        draws[:] = draws[0]
-    lengths = bell.lengths(step_min)
-    lengths = lengths[rng.integers(0, len(lengths), (lines, slots))]
-    error = int(rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1))
-    forecast = min(max(storm_peak + error, 0), REFERENCE_SLOTS - 1)
-    return Day(forecast, draws < chance, lengths)
+        draws[:] = draws[:, :1]
+    peaks, place = np.unique(storm_peak[:, None] + shift, return_inverse=True)
+    chance = bell.slot_probability(peaks, step_min, slots)[place.reshape(shift.shape)]
+    forecast = np.clip(storm_peak + error, 0, REFERENCE_SLOTS - 1)
+    return Day(forecast, draws < chance, length)
 
 
 def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:
@@ -123,24 +133,24 @@ def shifts(bell: Bell, lines: int, rng: np.random.Generator) -> Ints:
     return shifts
 
 
-def outage_path(days: Sequence[Day], bell: Bell) -> Bools:
-    """(lines, slots) where each line is down, days one after the other."""
-    lines, slots = days[0].fails.shape
-    down = np.zeros((lines, len(days) * slots), bool)
-    for k in range(lines):
-        up = 0  # first slot of the day in which the line is up
-        for number, day in enumerate(days):
-            start = number * slots
-            while True:
-                hits = np.flatnonzero(day.fails[k, up:])
-                if not len(hits):
-                    break
-                first = up + int(hits[0])
-                up = first + int(day.lengths[k, first])
-                down[k, start + first : start + (up if bell.overnight else min(up, slots))] = True
-                if not bell.refail:
-                    break
-            up = max(up - slots, 0) if bell.overnight else 0
+def outage_paths(days: Sequence[Day], bell: Bell) -> Bools:
+    """(scenarios, lines, slots) where each line is down, days one after the other."""
+    n, lines, slots = days[0].fails.shape
+    down = np.zeros((n, lines, len(days) * slots), bool)
+    slot = np.arange(slots)
+    up = np.zeros((n, lines, 1), np.intp)  # first slot of the day in which the line is up
+    for number, day in enumerate(days):
+        today = down[:, :, number * slots : (number + 1) * slots]
+        today |= slot < up
+        hits = day.fails & ~today
+        while hits.any():
+            first = hits.argmax(axis=-1, keepdims=True)
+            stop = first + np.take_along_axis(day.lengths, first, axis=-1)
+            stop = np.where(hits.any(axis=-1, keepdims=True), stop, 0)
+            today |= (slot >= first) & (slot < stop)
+            up = np.maximum(up, stop)
+            hits &= (slot >= up) if bell.refail else False
+        up = np.maximum(up - slots, 0) if bell.overnight else np.zeros_like(up)
     return down
 
 

@@ -16,7 +16,10 @@ from resilience.errors import UsageError
 from resilience.fragility.tracks.columns import About, build
 from resilience.fragility.tracks.fill import PENV_HPA
 from resilience.fragility.tracks.plain import (
-    data_rows, heading_separator, named_storm, with_points,
+    data_rows,
+    heading_separator,
+    named_storm,
+    with_points,
 )  # fmt: skip
 from resilience.fragility.tracks.track import Track
 from resilience.inputs import has_decimal_commas

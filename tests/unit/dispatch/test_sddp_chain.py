@@ -9,7 +9,7 @@ import pytest
 
 from resilience.arrays import Floats
 from resilience.dispatch.sddp.chain import ModeChain, storm_chain
-from resilience.fragility.draw import draw_day, outage_path
+from resilience.fragility.draw import draw_day, outage_paths
 from resilience.fragility.outages.bell import Bell
 
 PER_DAY = 96
@@ -28,13 +28,10 @@ def marginals(chain: ModeChain) -> tuple[Floats, Floats]:
 
 def sampled(bell: Bell, lines: int) -> tuple[Floats, Floats]:
     """The same from the process itself, on the second of two days."""
-    rng, down, every = np.random.default_rng(0), np.zeros((lines, PER_DAY)), np.zeros(PER_DAY)
-    for _ in range(DRAWS):
-        days = [draw_day(bell, lines, PER_DAY, rng) for _ in range(2)]
-        path = outage_path(days, bell)[:, PER_DAY:]
-        down += path
-        every += path.all(axis=0)
-    return down.T / DRAWS, every / DRAWS
+    rng = np.random.default_rng(0)
+    days = [draw_day(bell, lines, PER_DAY, [rng] * DRAWS) for _ in range(2)]
+    down = outage_paths(days, bell)[:, :, PER_DAY:]
+    return down.mean(axis=0).T, down.all(axis=1).mean(axis=0)
 
 
 @pytest.mark.parametrize(

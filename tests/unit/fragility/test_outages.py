@@ -6,11 +6,13 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
+from resilience.arrays import Bools
 from resilience.case import Case, Outage
 from resilience.errors import UsageError
 from resilience.fragility import (
@@ -23,7 +25,7 @@ from resilience.fragility import (
     sample_outages,
     summary,
 )
-from resilience.fragility.draw import Day, draw_day, outage_path, shifts
+from resilience.fragility.draw import BATCH, Day, outage_paths, shifts
 from resilience.testing import small_case
 from tests.unit.fragility.storms import LINES, feeder
 
@@ -128,9 +130,9 @@ def test_outages_end_at_midnight_unless_they_run_on() -> None:
 
 def day_of_ten_slots(lengths: dict[int, int]) -> Day:
     """A day in which one line fails in some slots if it is up: until it is back, so many slots."""
-    fails, slots = np.zeros((1, 10), bool), np.full((1, 10), 99)
-    fails[0, list(lengths)], slots[0, list(lengths)] = True, list(lengths.values())
-    return Day(5, fails, slots)
+    fails, slots = np.zeros((1, 1, 10), bool), np.full((1, 1, 10), 99)
+    fails[..., list(lengths)], slots[..., list(lengths)] = True, list(lengths.values())
+    return Day(np.array([5]), fails, slots)
 
 
 @pytest.mark.parametrize(
@@ -150,10 +152,10 @@ def test_a_path_of_four_days_by_hand(
 ) -> None:
     failures = ({0: 2, 7: 6}, {1: 12, 2: 2, 3: 4, 8: 13}, {2: 5, 4: 3}, {0: 4, 6: 2})
     days = [day_of_ten_slots(lengths) for lengths in failures]
-    path = outage_path(days, Bell(overnight=overnight, refail=refail))
-    assert path.shape == (1, 40)
+    path = outage_paths(days, Bell(overnight=overnight, refail=refail))
+    assert path.shape == (1, 1, 40)
     down = [slot for start, stop in spans for slot in range(start, stop)]
-    assert np.flatnonzero(path[0]).tolist() == down
+    assert np.flatnonzero(path).tolist() == down
 
 
 def test_days_begin_at_midnight_whenever_the_horizon_does() -> None:
@@ -224,11 +226,49 @@ def test_a_draw_and_its_summary_take_little_more_memory_than_the_outages() -> No
     assert peak_bytes(lambda: summary(drawn, case)) < 1.5 * drawn.down.nbytes
 
 
-def test_every_scenario_has_the_stream_that_its_seed_spawns() -> None:
-    drawn = sample_bell(CASE, Bell(), 7, 11)
-    for k, rng in enumerate(np.random.default_rng(11).spawn(7)):
-        day = draw_day(Bell(), len(LINES), CASE.slots, rng)
-        assert np.array_equal(drawn.down[:, :, k], outage_path([day], Bell()))
+def down_by_the_letter(bell: Bell, lines: int, days: int, rng: np.random.Generator) -> Bools:
+    """(lines, 96 * days) of one scenario, slot by slot."""
+    down, until = np.zeros((lines, 96 * days), bool), [0] * lines
+    for day in range(days):
+        peak = int(rng.choice(bell.centre_slots()))
+        shift = rng.integers(-bell.shift_slots, bell.shift_slots + 1, lines)
+        draws, length = rng.random((lines, 96)), bell.lengths(15.0)
+        chosen = rng.integers(0, len(length), (lines, 96))
+        rng.integers(-bell.centre_error_slots, bell.centre_error_slots + 1)
+        for k in range(lines):
+            earlier = shift[-1] if bell.shared_shift else shift[k]
+            chance = bell.slot_probability(peak + (earlier if k else 0))
+            has_failed = False
+            for t in range(96):
+                now = 96 * day + t
+                is_hit = draws[0 if bell.common_draw else k, t] < chance[t]
+                if is_hit and now >= until[k] and (bell.refail or not has_failed):
+                    has_failed, until[k] = True, now + int(length[chosen[k, t]])
+                    if not bell.overnight:
+                        until[k] = min(until[k], 96 * (day + 1))
+                down[k, now] = now < until[k]
+    return down
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"refail": True, "sigma_slots": 20.0, "probability": 0.95},
+        {"overnight": True, "duration_slots": (20, 150)},
+        {"overnight": True, "refail": True, "duration_slots": (3, 120), "probability": 0.9},
+        {"common_draw": True, "shared_shift": True, "centres": (0, 50, 95)},
+        {"rate": True, "wrap": True, "centre_error_slots": 4},
+    ],
+)
+def test_draws_are_those_of_the_process_by_the_letter(settings: dict[str, Any]) -> None:
+    """With the stream that the seed spawns for every scenario, in the first batch as in others."""
+    case, bell, n = feeder(days=3), Bell(**settings), BATCH + 3
+    drawn = sample_bell(case, bell, n, 11)
+    streams = np.random.default_rng(11).spawn(n)
+    for k in (0, 1, 2, 3, BATCH - 1, BATCH, n - 1):
+        by_the_letter = down_by_the_letter(bell, len(drawn.lines), 3, streams[k])
+        assert np.array_equal(drawn.down[:, :, k], by_the_letter)
 
 
 def test_the_summary_of_a_list() -> None:
