@@ -70,8 +70,9 @@ def checkpoint_changed(draw: st.DrawFn, name: str) -> bytes:
     else:
         chosen = draw(st.sampled_from(sorted(tensors)))
         array = draw(array_changed(tensors[chosen].numpy()))
-        with suppress(TypeError):  # what no tensor holds
-            tensors[chosen] = torch.from_numpy(np.ascontiguousarray(array))
+        with suppress(TypeError):  # what no tensor holds, and, of these, what no such file does
+            tensor = torch.from_numpy(np.ascontiguousarray(array))
+            tensors = tensors if tensor.is_complex() else {**tensors, chosen: tensor}
     text = json.dumps(header, default=str)
     facts = {"header": text, "sha256": checkpoint._digest(text, tensors)}
     return save(tensors, {"resilience": json.dumps(facts)})

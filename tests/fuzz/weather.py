@@ -83,6 +83,10 @@ mpc.branch = [
   1 2 0.01 0.02 0 5 0 0 0 0 1 -360 360;
   2 3 0.02 0.03 0 0 0 0 0 0 1 -360 360;
 ];
+mpc.genfuel = {
+  'ng';
+  'solar'; % a comment
+};
 Vbase = mpc.bus(1, BASE_KV) * 1e3;
 Sbase = mpc.baseMVA * 1e6;
 mpc.branch(:, [BR_R BR_X]) = mpc.branch(:, [BR_R BR_X]) / (11^2 / 10) * 2;
@@ -102,14 +106,17 @@ def pandapower_file() -> dict[str, Any]:
     import pandapower as pp
     from pandapower.networks import example_simple
 
-    data: dict[str, Any] = json.loads(pp.to_json(example_simple()))
+    net = example_simple()
+    pp.create_storage(net, 6, 0.2, max_e_mwh=0.8)
+    net.storage["efficiency_percent"] = 0.95
+    data: dict[str, Any] = json.loads(pp.to_json(net))
     for table in data["_object"].values():
         if isinstance(table, dict) and isinstance(table.get("_object"), str):
             table["_object"] = json.loads(table["_object"])
     return data
 
 
-TABLES = ("bus", "line", "load", "sgen", "gen", "ext_grid", "switch", "trafo", "shunt")
+TABLES = ("bus", "line", "load", "sgen", "gen", "ext_grid", "switch", "trafo", "shunt", "storage")
 
 
 @st.composite

@@ -89,6 +89,7 @@ class SourceDevice:
         e_mwh: energy that a storage can hold; None where the source states none.
         soc_min: least share of it.
         soc: share of it that is stored at first.
+        efficiency: of a storage, of charging as of discharging.
     """
 
     name: str
@@ -104,6 +105,7 @@ class SourceDevice:
     e_mwh: float | None = None
     soc_min: float = 0.0
     soc: float = 0.5
+    efficiency: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -211,15 +213,28 @@ def _check_names(
 
 
 def unit_omissions(
-    generators: tuple[SourceDevice, ...], grid: tuple[SourceDevice, ...]
+    generators: Iterable[SourceDevice],
+    grid: Iterable[SourceDevice],
+    driven: Iterable[SourceDevice] = (),
 ) -> Iterator[Omission]:
-    """What of generators and grid connections cannot be as the source has it."""
+    """What of units cannot be as the source has it.
+
+    Args:
+        generators: those that can be called on.
+        grid: connections to a grid.
+        driven: plants that follow the sun or the wind.
+    """
+    generators, grid, driven = list(generators), list(grid), list(driven)
     takes = [(unit.name, unit.p_min_mw) for unit in generators if unit.p_min_mw < 0]
     yield from omission("two-way generator", takes, "MW", "one that only gives")
     curved = [u.name for u in generators if u.cost is not None and u.cost.is_chords]
     yield from omission("curved cost", [(name, 0.0) for name in curved], instead="straight pieces")
-    bent = [u.name for u in grid if (c := u.cost) and (c.curve or c.is_chords or c.per_h)]
-    yield from omission("cost curve of a grid", [(n, 0.0) for n in bent], instead="its mean slope")
+    for element, units in (("grid", grid), ("plant of sun or wind", driven)):
+        bent = [u.name for u in units if (c := u.cost) and (c.curve or c.is_chords or c.per_h)]
+        places = [(name, 0.0) for name in bent]
+        yield from omission(f"cost curve of a {element}", places, instead="its mean slope")
+    must = [(unit.name, unit.p_min_mw) for unit in driven if unit.p_min_mw > 0]
+    yield from omission("least output of a plant of sun or wind", must, "MW")
 
 
 def unique_names(names: Iterable[str]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -26,8 +26,9 @@ from resilience.case.networks.feeder import (
     unique_names,
     unit_omissions,
 )
-from resilience.case.networks.matpower_text import COLUMNS, read_tables
+from resilience.case.networks.matpower_text import COLUMNS, read_tables, read_words
 from resilience.case.networks.omissions import Omission, omission
+from resilience.case.networks.pandapower_devices import driven_by
 
 _LOAD_BUS, _REFERENCE, _ISOLATED = 1, 3, 4
 _PIECEWISE = 1
@@ -35,6 +36,10 @@ _BUS, _BRANCH, _GEN = COLUMNS["bus"], COLUMNS["branch"], COLUMNS["gen"]
 _NEEDED = "mpc.baseMVA, mpc.bus and mpc.branch are needed, as MATPOWER's savecase writes them"
 _USUAL = f"free from {V_MIN_PU:g} to {V_MAX_PU:g} pu"
 _TEXT_TABLES = ("bus_name", "version")
+_FUELS = ("genfuel", "gentype")
+_STORED = ("ess", "BA")
+_TYPES = {"PV": "sun", "WT": "wind", "WS": "wind"}
+"""Of `gentype`, which has abbreviations of the EIA (MATPOWER's `gentypes`); `genfuel` has words."""
 
 
 def feeder_from_matpower(path: Path) -> Feeder:
@@ -44,12 +49,14 @@ def feeder_from_matpower(path: Path) -> Feeder:
         FeederError: it is no such file, or holds statements that are not understood.
     """
     try:
-        tables, others = read_tables(path.read_text(encoding="utf-8", errors="replace"))
+        text = path.read_text(encoding="utf-8", errors="replace")
+        tables, others = read_tables(text)
         for name in ("baseMVA", "bus", "branch"):
             if name not in tables:
                 raise ValueError(f"no mpc.{name}")
         _check(tables)
-        return _feeder(tables, others)
+        fuels = _fuels(text, len(tables.get("gen", ())))
+        return _feeder(tables, fuels, [name for name in others if not fuels or name not in _FUELS])
     except FeederError as error:
         raise error.prefixed("file", f"{path.name}: ") from None
     except (ValueError, ArithmeticError, LookupError, SyntaxError) as error:
@@ -101,7 +108,13 @@ def _wrong_ends(tables: dict[str, Floats]) -> Iterator[Finding]:
             yield "", f"mpc.dcline, row {k}: a DC line from {row[0]:g}", "AC branches", hint
 
 
-def _feeder(tables: dict[str, Floats], others: list[str]) -> Feeder:
+def _fuels(text: str, count: int) -> list[str]:
+    """What drives each generator: `mpc.genfuel`, or else `mpc.gentype`; none where unknown."""
+    columns = (read_words(text, name) for name in _FUELS)
+    return next((words for words in columns if len(words) == count > 0), [])
+
+
+def _feeder(tables: dict[str, Floats], fuels: list[str], others: list[str]) -> Feeder:
     every, base_mva = tables["bus"], float(tables["baseMVA"])
     bus = every[every[:, _BUS["BUS_TYPE"]] != _ISOLATED]
     names = {int(row[0]): str(int(row[0])) for row in bus}
@@ -114,21 +127,28 @@ def _feeder(tables: dict[str, Floats], others: list[str]) -> Feeder:
         placeholder_kv=len(kv) > 1 and bool((kv == 1.0).all()),
     )
     reference = {names[int(row[0])] for row in bus if row[1] == _REFERENCE}
-    units = list(_units(tables.get("gen"), tables.get("gencost"), names))
-    takes = [unit for unit in units if unit.p_mw <= 0 and unit.p_min_mw < 0]
-    gives = [unit for unit in units if unit not in takes]
-    generators = tuple(unit for unit in gives if unit.bus not in reference)
-    grid = tuple(unit for unit in gives if unit.bus in reference)
+    drives = list(_units(tables.get("gen"), tables.get("gencost"), fuels, names))
+    takes = [unit for unit, _ in drives if unit.p_mw <= 0 and unit.p_min_mw < 0]
+    grid = tuple(u for u, _ in drives if u.bus in reference and u not in takes)
+    by_drive: dict[str, list[SourceDevice]] = {d: [] for d in ("sun", "wind", "ess", "generator")}
+    for unit, drive in drives:
+        if unit not in takes and unit not in grid:
+            by_drive[drive].append(unit)
+    generators = tuple(by_drive["generator"])
+    driven = (*by_drive["sun"], *by_drive["wind"])
     return Feeder(
         network,
         load=tuple(_loads(bus, names)),
         flexible=tuple(map(_flexible, takes)),
+        static=tuple(by_drive["sun"]),
+        wind=tuple(by_drive["wind"]),
+        storage=tuple(by_drive["ess"]),
         generator=generators,
         grid=grid,
         omissions=(
             *_of_branches(rows, network.line_names, base_mva),
             *_of_buses(every, names),
-            *_of_units(generators, grid),
+            *_of_units(generators, grid, driven, by_drive["ess"]),
             *_of_file(network.placeholder_kv, network.bus_names, others),
         ),
     )
@@ -179,22 +199,22 @@ def _loads(bus: Floats, names: dict[int, str]) -> Iterator[SourceDevice]:
 
 
 def _units(
-    gen: Floats | None, gencost: Floats | None, names: dict[int, str]
-) -> Iterator[SourceDevice]:
-    """Generators in service, dispatchable loads among them."""
+    gen: Floats | None, gencost: Floats | None, fuels: list[str], names: dict[int, str]
+) -> Iterator[tuple[SourceDevice, str]]:
+    """Generators in service, dispatchable loads among them, and what drives them."""
     table: list[Floats] = [] if gen is None else list(gen)
     costs: list[Floats] = [] if gencost is None else list(gencost)[: len(table)]
     rows = [
-        (row, cost)
-        for row, cost in zip_longest(table, costs)
+        (row, cost, fuel)
+        for row, cost, fuel in zip_longest(table, costs, fuels)
         if row[_GEN["GEN_STATUS"]] > 0 and int(row[0]) in names
     ]
-    titles = unique_names(f"gen{int(row[0])}" for row, _ in rows)
-    for (row, cost), title in zip(rows, titles, strict=True):
+    titles = unique_names(f"gen{int(row[0])}" for row, _, _ in rows)
+    for (row, cost, fuel), title in zip(rows, titles, strict=True):
         p_min, p_max, q_min, q_max = (
             _limit(row[_GEN[key]], title, key) for key in ("PMIN", "PMAX", "QMIN", "QMAX")
         )
-        yield SourceDevice(
+        unit = SourceDevice(
             title,
             names[int(row[0])],
             p_max,
@@ -204,6 +224,14 @@ def _units(
             q_max_mvar=q_max,
             cost=None if cost is None else _cost(cost, max(p_min, min(p_max, 0.0)), p_max),
         )
+        yield unit, _drive(fuel or "", unit)
+
+
+def _drive(fuel: str, unit: SourceDevice) -> str:
+    if fuel in _STORED and unit.p_mw > 0:
+        return "ess"
+    drive = _TYPES.get(fuel, driven_by(fuel))
+    return drive if unit.p_min_mw >= 0 else "generator"
 
 
 def _limit(value: float, title: str, key: str) -> float:
@@ -256,11 +284,17 @@ def _of_buses(every: Floats, names: dict[int, str]) -> Iterator[Omission]:
 
 
 def _of_units(
-    generators: tuple[SourceDevice, ...], grid: tuple[SourceDevice, ...]
+    generators: Sequence[SourceDevice],
+    grid: Sequence[SourceDevice],
+    driven: Sequence[SourceDevice],
+    storage: Sequence[SourceDevice],
 ) -> Iterator[Omission]:
     setpoints = [(unit.name, 0.0) for unit in generators if unit.q_min_mvar != unit.q_max_mvar]
     yield from omission("held voltage", setpoints, instead="free within the limits of the bus")
-    yield from unit_omissions(generators, grid)
+    for element, units in (("plant of sun or wind", driven), ("storage", storage)):
+        ranges = [(unit.name, 0.0) for unit in units if unit.q_min_mvar or unit.q_max_mvar]
+        yield from omission(f"reactive range of a {element}", ranges)
+    yield from unit_omissions(generators, grid, driven)
 
 
 def _of_file(placeholder: bool, buses: tuple[str, ...], others: list[str]) -> Iterator[Omission]:

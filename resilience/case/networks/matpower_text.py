@@ -101,15 +101,26 @@ def read_tables(text: str) -> tuple[dict[str, Floats], list[str]]:
     return tables, others
 
 
-def _code(text: str) -> str:
-    """The text without comments and strings; every line stays where it is."""
+def read_words(text: str, name: str) -> list[str]:
+    """The strings of a column `mpc.NAME = {'ng'; 'solar'; ...};`; none where there is no such."""
+    strings = re.search(rf"\bmpc\.{name}\s*=\s*\{{([^}}]*)\}}", _code(text, r"\1"))
+    return re.findall(r"'([^'\n]*)'", strings[1]) if strings else []
+
+
+def _code(text: str, strings: str = "''") -> str:
+    """The text without comments; every line stays where it is.
+
+    Args:
+        text: of the file.
+        strings: what stands in place of a string, which is the group 1.
+    """
     lines, depth = [], 0
     for line in text.splitlines():
         mark = line.strip()
         depth += mark == "%{"
-        bare = "" if depth else re.sub(r"%.*", "", re.sub(r"'[^'\n]*'", "''", line))
+        bare = re.sub(r"('[^'\n]*')|%.*", lambda m: m.expand(strings) if m[1] else "", line)
+        lines.append("" if depth else bare)
         depth -= mark == "%}" and depth > 0
-        lines.append(bare)
     # A continued statement stands on one line; what follows it keeps its number.
     return re.sub(r"\.\.\.[^\n]*\n", " \v", "\n".join(lines))
 

@@ -15,7 +15,7 @@ from resilience.case.networks.pandapower_tables import Row, Tables, active, numb
 _PV = re.compile(r"solar|photovolt|(?<![a-z])(pv|res)(?![a-z])", re.IGNORECASE)
 _WIND = re.compile(r"wind|(?<![a-z])(wp|wka|wea)(?![a-z])", re.IGNORECASE)
 _MACHINE = re.compile(r"chp|diesel|fuel.?cell|bio|hydro|gas|engine|turbine|genset", re.IGNORECASE)
-_STORAGE_LOSSES = ("efficiency_percent", "self-discharge_percent_per_day")
+_DRIVEN = ("sun", "wind")
 _PHASES = "abc"
 Powers = Callable[[Row], tuple[float, float]]
 """MW and Mvar of a row before its scaling."""
@@ -105,7 +105,7 @@ def devices(tables: Tables, names: Mapping[int, str], aliases: Mapping[str, str]
         omissions=(
             *_other_physics(reader),
             *_held(machines),
-            *unit_omissions(generator, grid),
+            *unit_omissions(generator, grid, [unit for unit, kind in giving if kind in _DRIVEN]),
             *_unread_costs(tables),
         ),
     )
@@ -184,8 +184,12 @@ def _static(
 
 
 def _driven_by(row: Row) -> str:
-    for key in ("type", "name"):
-        text = str(row.get(key) or "")
+    return driven_by(*(str(row.get(key) or "") for key in ("type", "name")))
+
+
+def driven_by(*texts: str) -> str:
+    """What drives a plant, by the first text that tells: sun, wind, or else generator."""
+    for text in texts:
         if _PV.search(text):
             return "sun"
         if _WIND.search(text):
@@ -246,7 +250,15 @@ def _storages(reader: _Reader) -> Iterator[SourceDevice]:
             e_mwh=e_mwh or None,
             soc_min=min(max(share, 0.0), 1.0),
             soc=min(max(number(row, "soc_percent", 50.0) / 100.0, share, 0.0), 1.0),
+            efficiency=_efficiency(row) or 1.0,
         )
+
+
+def _efficiency(row: Row) -> float | None:
+    """That of a storage, where one is stated that can be; SimBench writes 0.95 for 95 %."""
+    stated = number(row, "efficiency_percent", 100.0)
+    efficiency = stated if stated <= 1.0 else stated / 100.0
+    return efficiency if 0.0 < efficiency <= 1.0 else None
 
 
 def _limit(row: Row, key: str) -> float | None:
@@ -287,13 +299,19 @@ def _other_physics(reader: _Reader) -> Iterator[Omission]:
         yield from omission(f"impedance of a {kind}", impedances, "MVA")
     sources = [(title, 0.0) for _, title, _ in reader.rows("xward")]
     yield from omission("held voltage of an xward", sources)
-    lossy = [
-        (title, 0.0)
-        for row, title, _ in reader.rows("storage")
-        if any(number(row, key, 0.0) for key in _STORAGE_LOSSES)
-    ]
-    yield from omission("storage of a stated efficiency", lossy, instead="without losses")
-    moving = [(t, q) for row, t, _ in reader.rows("storage") if (q := _power(row)[1])]
+    yield from _of_storages(reader)
+
+
+def _of_storages(reader: _Reader) -> Iterator[Omission]:
+    rows = [(row, title) for row, title, _ in reader.rows("storage")]
+    stated = [(title, 0.0) for row, title in rows if (_efficiency(row) or 1.0) != 1.0]
+    yield from omission("efficiency of a storage", stated, instead="for each way")
+    wrong = [(title, 0.0) for row, title in rows if _efficiency(row) is None]
+    yield from omission("efficiency of a storage out of range", wrong, instead="without losses")
+    decay = "self-discharge_percent_per_day"
+    losing = [(title, 0.0) for row, title in rows if number(row, decay, 0.0) != 0.0]
+    yield from omission("self-discharge of a storage", losing)
+    moving = [(title, q) for row, title in rows if (q := _power(row)[1])]
     yield from omission("reactive power of a storage", moving, "Mvar")
 
 

@@ -248,6 +248,8 @@ def _storage(unit: SourceDevice) -> _Entry:
     if unit.soc_min:
         values["soc_min"] = unit.soc_min
     values["soc_initial"] = unit.soc
+    if unit.efficiency != 1.0:
+        values["efficiency_charge"] = values["efficiency_discharge"] = unit.efficiency
     if unit.s_mva is not None:
         values["s_mva"] = unit.s_mva
     remark = "The network does not say how much energy it holds." if unit.e_mwh is None else ""

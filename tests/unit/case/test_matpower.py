@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from resilience.case import load_case, new_case_text
 from resilience.case.networks.feeder import FeederError
 from resilience.case.networks.pandapower_net import feeder_by_name
 from resilience.case.networks.read import read_feeder
@@ -235,3 +236,63 @@ def test_voltage_limits_are_those_of_every_bus(tmp_path):
 def test_a_table_that_is_not_read_is_named(tmp_path):
     text = PLAIN + "mpc.reserves = [\n1 2 3;\n];\nmpc.areas = [];\n"
     assert [str(x) for x in read(tmp_path, text).omissions][-1] == "1 table (mpc.reserves)"
+
+
+GENERATORS = (
+    "\t1\t0\t0\t10\t-10\t1.02\t100\t1\t5\t0;\n"
+    "\t2\t0.1\t0\t0.2\t-0.2\t1\t100\t1\t1.2\t0.15;\n"
+    "\t30\t0\t0\t0\t0\t1\t100\t1\t0.7\t0;\n"
+    "\t2\t0\t0\t0.4\t-0.3\t1\t100\t1\t0.9\t0;\n"
+    "\t30\t0\t0\t0.1\t0\t1\t100\t1\t0.5\t-0.6;\n"
+    "\t2\t0\t0\t0\t0\t1\t100\t0\t9\t0;\n"
+    "\t30\t0\t0\t0\t-0.15\t1\t100\t1\t0\t-0.4;\n"
+    "\t2\t0\t0\t0\t0\t1\t100\t1\t0.3\t-0.1;\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("column", "words"),
+    [
+        ("genfuel", ("ng", "solar", "wind", "hydro", "ess", "solar", "dl", "solar")),
+        ("gentype", ("ST", "PV", "WT", "HY", "BA", "PV", "OT", "PV")),
+    ],
+)
+def test_fuels_say_what_drives_a_unit(tmp_path, column, words):
+    """The sun at night is left to a profile, wind to comments, a battery to an energy."""
+    start = PLAIN.index("mpc.gen = [\n") + len("mpc.gen = [\n")
+    text = PLAIN[:start] + GENERATORS + PLAIN[PLAIN.index("];", start) :]
+    strings = "\n".join(f"\t'{word}';  % the unit's fuel" for word in words)
+    costs = "mpc.gencost = [\n2 0 0 2 31 0;\n2 0 0 2 4 7;\n" + "2 0 0 2 0 0;\n" * 6 + "];\n"
+    text += f"mpc.{column} = {{\n{strings}\n}};\n{costs}"
+    feeder = read(tmp_path, text)
+    groups = ("grid", "static", "wind", "generator", "storage", "flexible")
+    assert {g: [(u.bus, u.p_mw) for u in getattr(feeder, g)] for g in groups} == {
+        "grid": [("1", 5.0)],
+        "static": [("2", 1.2)],
+        "wind": [("30", 0.7)],
+        "generator": [("2", 0.9), ("2", 0.3)],
+        "storage": [("30", 0.5)],
+        "flexible": [("30", 0.4)],
+    }
+    [storage] = feeder.storage
+    assert (storage.p_min_mw, storage.e_mwh) == (-0.6, None)
+    assert [str(x) for x in feeder.omissions] == [
+        "1 held voltage (gen2#2), here free within the limits of the bus",
+        "1 reactive range of a plant of sun or wind (gen2)",
+        "1 reactive range of a storage (gen30#2)",
+        "1 two-way generator of 0.1 MW (gen2#3), here one that only gives",
+        "1 cost curve of a plant of sun or wind (gen2), here its mean slope",
+        "1 least output of a plant of sun or wind of 0.15 MW (gen2)",
+    ]
+    case = tmp_path / "case.toml"
+    case.write_text(new_case_text(str(tmp_path / "feeder.m")))
+    [plant] = load_case(case).pv
+    assert (plant.p_max_mw, plant.profile, plant.cost_per_mwh) == (1.2, None, 4.0)
+    assert '# profile = "wind"' in case.read_text()
+    assert "does not say how much energy it holds" in case.read_text()
+
+
+def test_fuels_of_another_length_are_named(tmp_path):
+    feeder = read(tmp_path, PLAIN + "mpc.genfuel = { 'solar' };\n")
+    assert not feeder.static
+    assert str(feeder.omissions[-1]) == "1 table (mpc.genfuel)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,13 @@ import numpy as np
 import pytest
 
 from resilience.case import load_case
-from resilience.case.networks.feeder import Feeder
+from resilience.case.networks.feeder import Feeder, make_network
 from resilience.case.networks.omissions import omission_text
 from resilience.case.networks.pandapower_devices import devices
 from resilience.case.networks.read import read_feeder
 from resilience.case.schema import NetworkTable
 from resilience.case.starter import starter
+from resilience.case.starter.devices import device_tables
 
 
 def rich_net(pp: Any) -> Any:
@@ -223,9 +225,39 @@ def test_a_storage_that_is_said_not_to_charge_has_its_size(tmp_path: Path) -> No
     found = devices({"storage": [row]}, {0: "a"}, {})
     [unit] = found.storage
     assert (unit.p_mw, unit.p_min_mw, unit.e_mwh, unit.soc) == (0.3, -0.3, 0.7, 0.5)
+    assert unit.efficiency == 0.95
     assert [str(x) for x in found.omissions] == [
-        "1 storage of a stated efficiency (storage5), here without losses"
+        "1 efficiency of a storage (storage5), here for each way"
     ]
+
+
+@pytest.mark.parametrize(
+    ("stated", "efficiency", "named"),
+    [
+        (95.0, 0.95, ["1 efficiency of a storage (storage1), here for each way"]),
+        (0.95, 0.95, ["1 efficiency of a storage (storage1), here for each way"]),
+        (100.0, 1.0, []),
+        (1.0, 1.0, []),
+        (np.nan, 1.0, []),
+        (0.0, 1.0, ["1 efficiency of a storage out of range (storage1), here without losses"]),
+        (130.0, 1.0, ["1 efficiency of a storage out of range (storage1), here without losses"]),
+    ],
+)
+def test_an_efficiency_holds_for_each_way(
+    stated: float, efficiency: float, named: list[str]
+) -> None:
+    """In percent, as the column says, or as a share, which SimBench writes; decay is named."""
+    row = {
+        "index": 0, "bus": 0, "p_mw": 0.3, "max_e_mwh": 0.7, "efficiency_percent": stated,
+        "self-discharge_percent_per_day": 0.13, "in_service": True,
+    }  # fmt: skip
+    found = devices({"storage": [row]}, {0: "a"}, {})
+    text, _ = device_tables(Feeder(make_network([("a", 20.0)], []), storage=found.storage))
+    [unit] = tomllib.loads(text)["ess"]
+    ways = [unit.get(f"efficiency_{way}", 1.0) for way in ("charge", "discharge")]
+    assert ways == [efficiency, efficiency]
+    decay = "1 self-discharge of a storage (storage1)"
+    assert [str(x) for x in found.omissions] == [*named, decay]
 
 
 def test_tables_whose_rows_have_names_are_no_elements(

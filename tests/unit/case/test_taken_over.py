@@ -215,7 +215,8 @@ def test_simbenchs_urban_grid_comes_over_with_its_storages(tmp_path: Path) -> No
         "2 magnetising branches of 44 kW in all",
         "147 charging of 0.5547 Mvar in all",
         "4 open couplers",
-        "101 storages of a stated efficiency",
+        "101 efficiencies of a storage",
+        "101 self-discharges of a storage",
     ]
     case = starter_case(str(path), tmp_path)
     assert asked_of(case) == pytest.approx(complex(net.load.p_mw.sum(), net.load.q_mvar.sum()))
@@ -225,3 +226,6 @@ def test_simbenchs_urban_grid_comes_over_with_its_storages(tmp_path: Path) -> No
     assert hydro.p_max_mw == pytest.approx(2.9)
     assert sum(unit.e_mwh for unit in case.ess) == pytest.approx(12.3717)
     assert sum(unit.p_max_mw for unit in case.ess) == pytest.approx(6.1888)
+    assert {(unit.efficiency_charge, unit.efficiency_discharge) for unit in case.ess} == {
+        (0.95, 0.95)
+    }
