@@ -113,10 +113,26 @@ def pandapower_file() -> dict[str, Any]:
     for table in data["_object"].values():
         if isinstance(table, dict) and isinstance(table.get("_object"), str):
             table["_object"] = json.loads(table["_object"])
+    data["_object"] |= GEODATA
     return data
 
 
-TABLES = ("bus", "line", "load", "sgen", "gen", "ext_grid", "switch", "trafo", "shunt", "storage")
+def frame(columns: list[str], rows: list[list[Any]]) -> dict[str, Any]:
+    body = {"columns": columns, "index": list(range(len(rows))), "data": rows}
+    return {"_module": "pandas.core.frame", "_class": "DataFrame", "_object": body}
+
+
+GEODATA = {
+    "bus_geodata": frame(["x", "y"], [[110.4, 21.2], [110.5, 21.3]]),
+    "line_geodata": frame(["coords"], [[[[110.4, 21.2], [110.5, 21.3]]]]),
+}
+"""Tables of files before pandapower 3."""
+
+
+TABLES = (
+    "bus", "line", "load", "sgen", "gen", "ext_grid", "switch", "trafo", "shunt", "storage",
+    "bus_geodata", "line_geodata",
+)  # fmt: skip
 
 
 @st.composite

@@ -61,10 +61,25 @@ def tables_of_file(path: Path) -> Tables:
         tables = {name: _rows(body) for name, body in frames.items() if _is_numbered(body["index"])}
         if "bus" not in tables:
             raise KeyError("bus")
+        _take_geodata(tables, content)
         return tables | {"net": [{"index": 0, "f_hz": content.get("f_hz")}]}
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         allowed = f"a pandapower network ({error!r})"
         raise FeederError(("file", path.name, allowed, _HINT)) from None
+
+
+def _take_geodata(tables: Tables, content: Mapping[str, Any]) -> None:
+    """Puts coordinates into column `geo`, where files before pandapower 3 have tables of them."""
+    for kind in ("bus", "line"):
+        frame = content.get(f"{kind}_geodata")
+        body = _body(frame) if isinstance(frame, dict) else {}
+        rows = _rows(body) if _is_numbered(body.get("index", "none")) else []
+        geodata = {int(row["index"]): row for row in rows}
+        for row in tables.get(kind, []):
+            old = geodata.get(int(row["index"]))
+            if old is not None and not isinstance(row.get("geo"), str):
+                points = [old.get("x"), old.get("y")] if kind == "bus" else old.get("coords")
+                row["geo"] = json.dumps({"coordinates": points})
 
 
 def _body(frame: Row) -> Row:

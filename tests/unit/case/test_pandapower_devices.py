@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 import warnings
 from pathlib import Path
@@ -275,3 +276,74 @@ def test_tables_whose_rows_have_names_are_no_elements(
     named = [str(omission) for omission in feeder_of(path).omissions]
     assert "2 svcs (a, b)" in named
     assert not [text for text in named if "loadcase" in text]
+
+
+def frame(index: list[int], **columns: list[Any]) -> dict[str, Any]:
+    """A table as pandapower writes it."""
+    rows = [list(row) for row in zip(*columns.values(), strict=True)]
+    split = {"columns": list(columns), "index": index, "data": rows}
+    return {
+        "_module": "pandas.core.frame", "_class": "DataFrame", "_object": json.dumps(split),
+        "orient": "split",
+    }  # fmt: skip
+
+
+def before_version_3(path: Path) -> Path:
+    """The same file with coordinates in tables of their own, as pandapower 2 wrote them."""
+    data = json.loads(path.read_text())
+    content = data["_object"]
+    for kind in ("bus", "line"):
+        table = json.loads(content[kind]["_object"])
+        at = table["columns"].index("geo")
+        stated = [
+            (index, json.loads(row[at])["coordinates"])
+            for index, row in zip(table["index"], table["data"], strict=True)
+            if row[at] is not None
+        ]
+        table["columns"].pop(at)
+        for row in table["data"]:
+            row.pop(at)
+        content[kind]["_object"] = json.dumps(table)
+        content[kind].get("dtype", {}).pop("geo", None)
+        index, points = [k for k, _ in stated], [coordinates for _, coordinates in stated]
+        columns = {axis: [point[k] for point in points] for k, axis in enumerate("xy")}
+        content[f"{kind}_geodata"] = frame(
+            index, **({"coords": points} if kind == "line" else columns)
+        )
+    content |= {"version": "2.14.0", "format_version": "2.14.0"}
+    old = path.with_name("old.json")
+    old.write_text(json.dumps(data))
+    return old
+
+
+def test_coordinates_of_files_before_pandapower_3(tmp_path: Path) -> None:
+    """As from the file of today, which is what pandapower makes of the old one."""
+    pp = pytest.importorskip("pandapower")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        net = pp.create_empty_network()
+        places = [(110.4, 21.2), (110.5, 21.3), None, (110.7, 21.1)]
+        buses = [pp.create_bus(net, 20.0, name=f"b{k}", geodata=p) for k, p in enumerate(places)]
+        pp.create_ext_grid(net, buses[0])
+        ways = [[(110.4, 21.2), (110.45, 21.27), (110.5, 21.3)], None,
+                [(110.5, 21.3), (110.62, 21.22), (110.7, 21.1)]]  # fmt: skip
+        ends = [(0, 1), (1, 2), (1, 3)]
+        for (start, stop), way, km in zip(ends, ways, (1.2, 0.7, 2.1), strict=True):
+            pp.create_line_from_parameters(
+                net, buses[start], buses[stop], km, r_ohm_per_km=0.3, x_ohm_per_km=0.2,
+                c_nf_per_km=0.0, max_i_ka=0.3, geodata=way,
+            )  # fmt: skip
+        path = tmp_path / "net.json"
+        pp.to_json(net, str(path))
+        old = before_version_3(path)
+        converted = pp.from_json(str(old))
+    found, wanted = feeder_of(old), feeder_of(path)
+    assert "_geodata" in old.read_text()
+    assert found.places == wanted.places == {
+        f"b{k}": place for k, place in enumerate(places) if place is not None
+    }  # fmt: skip
+    assert found.network.courses == wanted.network.courses
+    assert [len(course.points) for course in found.network.courses.values()] == [3, 0, 3]
+    texts = [geo and json.loads(geo)["coordinates"] for geo in converted.line.geo]
+    assert [points and list(map(tuple, points)) for points in texts] == ways
+    assert [str(x) for x in found.omissions] == [str(x) for x in wanted.omissions]
