@@ -208,7 +208,8 @@ def plot(
     """Draw a saved plan, a training, a saved comparison, or with --method one of its storms."""
     from resilience.plots.saved import draw_run
 
-    target, hint = draw_run(run, out, method=method, episode=episode, day=day)
+    with terminal.notices():
+        target, hint = draw_run(run, out, method=method, episode=episode, day=day)
     typer.echo(str(target))
     if hint:
         typer.echo(f"one storm: {hint}", err=True)

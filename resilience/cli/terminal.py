@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import sys
 import time
@@ -67,15 +68,27 @@ def progress(verbose: bool) -> Iterator[None]:
     """
     from rich.console import Console
 
-    log = logging.getLogger("resilience")
-    log.setLevel(logging.INFO)
     console = Console(stderr=True)
     live = progress_display(console) if console.is_terminal and not verbose else None
     ticker = Ticker(live, 0.0 if verbose else QUIET_S)
+    with _listening(ticker), live or nullcontext(), watching(ticker.count):
+        yield
+
+
+@contextmanager
+def notices() -> Iterator[None]:
+    """Shows on stderr what a user must know of the block, and none of its phases."""
+    with _listening(Ticker(None, math.inf)):
+        yield
+
+
+@contextmanager
+def _listening(ticker: Ticker) -> Iterator[None]:
+    log = logging.getLogger("resilience")
+    log.setLevel(logging.INFO)
     log.addHandler(ticker)
     try:
-        with live or nullcontext(), watching(ticker.count):
-            yield
+        yield
     finally:
         log.removeHandler(ticker)
 
@@ -148,7 +161,7 @@ def write(*outputs: Output, quiet: bool = False) -> None:
             continue
         note = f"{output.path} is not written to the end; the same command writes it"
         try:
-            with interruptible(lambda note=note: note):  # type: ignore[misc]
+            with notices(), interruptible(lambda note=note: note):  # type: ignore[misc]
                 output.write(output.path)
         except ResilienceError as error:
             errors.append(error)

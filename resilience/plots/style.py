@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from resilience.arrays import Floats
 from resilience.files import replacing_file
 from resilience.models.components import ESS, fleet_classes, in_roles
 from resilience.models.components.fleet import AnyFleet
+from resilience.plots.letters import IGNORED, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -58,20 +60,26 @@ def colours() -> dict[str, str]:
     return fleets | {"shed": SHED_COLOUR, "demand": DEMAND_COLOUR}
 
 
-def look() -> AbstractContextManager[None]:
+@contextmanager
+def look() -> Iterator[None]:
     """Letters a little smaller than usual, for everything drawn within, and no mathematics: a
-    dollar is a dollar, also in a name.
+    dollar is a dollar, also in a name. Letters that a font has not are told when all is drawn.
     """
     import matplotlib as mpl
 
-    return mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8, "text.parse_math": False})
+    with (
+        mpl.rc_context({"font.size": 9, "hatch.linewidth": 0.8, "text.parse_math": False}),
+        warnings.catch_warnings(),
+    ):
+        warnings.filterwarnings("ignore", IGNORED)
+        yield
 
 
 def write_figure(figure: Figure, path: str | Path | None) -> Figure:
     """Writes the figure where there is a path, whole or not at all."""
     if path is not None:
         with replacing_file(Path(path)) as fresh:
-            figure.savefig(fresh, dpi=DPI)
+            save_figure(figure, fresh, str(path), DPI)
     return figure
 
 

@@ -72,7 +72,7 @@ def test_reports_print_names_to_the_letter(name: str) -> None:
     assert "\\[" not in printed
 
 
-@pytest.mark.parametrize("name", NAMES[:-1])  # the usual font has no Chinese letters
+@pytest.mark.parametrize("name", NAMES)
 def test_pictures_show_names_to_the_letter(name: str, tmp_path: Path) -> None:
     plan = rs.solve(named(name), "lp")
     rs.plot_plan(plan, tmp_path / "plan.svg")
