@@ -91,4 +91,4 @@ def load_policy(setting: Setting, method: str, run: Path) -> Policy:
         check_fits(path, header, setting.case, eyes.schema)
         actor = network(header.network, eyes.size, len(setting.simulator.units))
         load_weights(actor, weights)
-    return Policy(f"{method}:{run}", setting, actor, band_name, observer_name)
+        return Policy(f"{method}:{run}", setting, actor, band_name, observer_name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -165,6 +166,11 @@ def test_a_policy_of_another_method_or_case_is_refused(run: Run, tmp_path: Path)
     save(tmp_path / POLICY_FILE, weights, header)
     with pytest.raises(rs.UsageError, match=r"was trained by apg, not maddpg"):
         factory_of(f"maddpg:{tmp_path}")(world.setting)
+    for key in ("band", "observer"):
+        config = header.config | {key: "strange"}
+        save(tmp_path / POLICY_FILE, weights, replace(header, config=config))
+        with pytest.raises(rs.UsageError, match=rf"{POLICY_FILE}.*'strange' is unknown"):
+            factory_of(f"apg:{tmp_path}")(world.setting)
     other = Run(
         training(small_storm_case()).replace(terminal_value_per_mwh=0.5, slots=72),
         TrainingOptions(iterations=1, settings=SETTINGS),
