@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-MAX_MESSAGE = 4000
-"""Characters of a message."""
+MAX_MESSAGE = 20_000
+"""Characters of a message: a list of all mistakes stays whole, an argument without end does not."""
 
 
 class ResilienceError(Exception):
