@@ -45,6 +45,12 @@ def parse(text: str, about: About, storm: str | None, agency: str | None) -> Tra
     separator = heading_separator(text)
     rows, numbers = data_rows(_narrowed(text, storm), separator)
     heading = [cell.strip().upper() for cell in rows[0]]
+    if not {"SID", "ISO_TIME"} <= set(heading):
+        raise UsageError(
+            f"{about.file} has a heading with a stray quotation mark; allowed: columns SID, "
+            "ISO_TIME and those of agencies",
+            hint="take IBTrACS' own file",
+        )
     table = [
         (dict(zip(heading, row, strict=False)), k) for row, k in zip(rows, numbers, strict=True)
     ]

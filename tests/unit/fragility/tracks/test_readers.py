@@ -141,6 +141,13 @@ def test_ibtracs_saved_by_a_spreadsheet(separator: str, agency: str | None, tmp_
         read_track(written(tmp_path, mixed), storm="koinu")
 
 
+@pytest.mark.parametrize("heading", ['"SID,SEASON', 'X,"SID,Y",SEASON'])
+def test_ibtracs_with_a_stray_quotation_mark_is_refused(heading: str, tmp_path: Path) -> None:
+    path = written(tmp_path, IBTRACS.replace("SID,SEASON", heading, 1))
+    with pytest.raises(UsageError, match=r"track\.txt has a heading with a stray quotation mark"):
+        read_track(path, storm="koinu")
+
+
 def test_ibtracs_refuses_what_it_cannot_know(tmp_path: Path) -> None:
     path = written(tmp_path, IBTRACS)
     with pytest.raises(UsageError, match="KOINU 2023 = 2023271N14144, OTHER 2023"):
