@@ -34,7 +34,7 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
         CaseError: the result is no valid case.
         UsageError: a key that cannot be replaced, or outages that do not fit.
     """
-    lists = {*DEVICES, "line"}
+    lists = {*DEVICES, "line", "tank"}
     replaceable = {*_HORIZON, *_HEAD, *lists, *_TABLES, "profiles", "outages"}
     for key in [key for key in changes if key not in replaceable]:
         hint = did_you_mean(key, sorted(replaceable), max_listed=len(replaceable))

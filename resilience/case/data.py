@@ -25,6 +25,7 @@ from resilience.case.schema import (
     OutageTable,
     PVTable,
     StormTable,
+    TankTable,
 )
 from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean
@@ -62,10 +63,11 @@ class Case:
         start: when the first slot begins, local time.
         slots: length of the horizon.
         step_min: length of a slot, min.
-        profiles: (slots,) per unit of the devices' peaks by name, and tariffs per MWh under each
-            grid's `tariff_profile`.
+        profiles: (slots,) per unit of the devices' peaks by name, tariffs per MWh under each grid's
+            `tariff_profile`, and deliveries in m³ per h under each tank's `delivery_profile`.
         devices: tables of every kind of device by its key, in the order of the file.
         line: what the file says of single lines of the network.
+        tank: fuel that generators share.
         outages: to plan for.
         terminal_value_per_mwh: credit for energy stored at the end.
         reserve_price_per_mwh: of being short of the storm reserve; None: from other prices.
@@ -88,6 +90,7 @@ class Case:
     profiles: Mapping[str, Floats]
     devices: Mapping[str, tuple[DeviceTable, ...]]
     line: tuple[LineTable, ...]
+    tank: tuple[TankTable, ...]
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
     reserve_price_per_mwh: float | None
@@ -193,6 +196,21 @@ class Case:
         changed = lines.get(name, LineTable(name=name)).model_copy(update=changes)
         return self.rebuild(self, {"line": [*(lines | {name: changed}).values()]})
 
+    def with_tank(self, name: str, **changes: Any) -> Case:
+        """A copy with other values for one tank: `case.with_tank("t1", initial_m3=5.0)`.
+
+        Takes the keys of `[[tank]]`.
+
+        Raises:
+            UsageError: no such tank or key.
+            CaseError: the result is no valid case; all mistakes are listed.
+        """
+        names = [tank.name for tank in self.tank]
+        if name not in names:
+            raise UsageError(f"the case has no [[tank]] {name!r}", did_you_mean(name, names))
+        tanks = [t.model_copy(update=changes) if t.name == name else t for t in self.tank]
+        return self.rebuild(self, {"tank": tanks})
+
     def with_ess(self, name: str, **changes: Any) -> Case:
         """A copy with other values for one storage: `case.with_ess("ess1", e_mwh=3.0)`.
 
@@ -244,7 +262,7 @@ class Case:
     def equals(self, other: Case) -> bool:
         """Whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        tables = ("outages", "outage", "geography", "line")
+        tables = ("outages", "outage", "geography", "line", "tank")
         plain = ("name", "description", *horizon, *tables)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)

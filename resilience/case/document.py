@@ -259,8 +259,8 @@ def _places(value: object, where: Place = ()) -> Iterator[Place]:
 
 
 def _is_keyed(key: str) -> bool:
-    """Whether the entries of a list of tables merge by name: devices and lines."""
-    return key == "line" or key in DEVICES
+    """Whether the entries of a list of tables merge by name: devices, lines and tanks."""
+    return key in ("line", "tank") or key in DEVICES
 
 
 def entry_name(kind: str, entry: TomlTable) -> str:

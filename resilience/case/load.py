@@ -16,6 +16,7 @@ from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
 from resilience.case.data import Case, Outage
+from resilience.case.deliveries import delivery_profiles
 from resilience.case.document import Document, Finding, Place, TomlTable, find_case, read_document
 from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
@@ -33,6 +34,7 @@ from resilience.case.schema import (
     OutageTable,
     ProfilesTable,
     StormTable,
+    TankTable,
     TimeTable,
     case_table,
     defaults_table,
@@ -64,6 +66,8 @@ def build_case(document: Document) -> Case:
     parts = Parts(document, window=_read_window(document))
     entries = read_list(LineTable, "line", document.data.get("line", []), document, ("line",))
     parts.lines = [(table, title) for table, title, _ in entries]
+    tanks = read_list(TankTable, "tank", document.data.get("tank", []), document, ("tank",))
+    parts.tanks = [(table, title) for table, title, _ in tanks]
     _read_weather(parts)
     _read_network(parts)
     for kind, device in DEVICES.items():
@@ -93,6 +97,7 @@ def build_case(document: Document) -> Case:
         step_min=window.step_min,
         devices=devices,
         line=tuple(line for line, _ in parts.lines),
+        tank=tuple(tank for tank, _ in parts.tanks),
         profiles=profiles,
         outages=outages,
         outage=outage,
@@ -110,7 +115,7 @@ def build_case(document: Document) -> Case:
 def _finished_devices(
     parts: Parts, profiles: dict[str, Floats], window: Window
 ) -> dict[str, tuple[DeviceTable, ...]]:
-    """The tables of every kind; profiles of a cloud and of tariffs are added to `profiles`."""
+    """The tables of every kind; profiles of a cloud, of tariffs and of deliveries are added."""
     devices: dict[str, tuple[DeviceTable, ...]] = {
         kind: tuple(table for table, _ in entries) for kind, entries in parts.devices.items()
     }
@@ -121,6 +126,7 @@ def _finished_devices(
     grids = [table for table, _ in parts.devices["grid"] if table.tariff is not None]
     if grids:
         profiles |= tariff_profiles(grids, profiles, window)
+    profiles |= delivery_profiles((tank for tank, _ in parts.tanks), window)
     return devices
 
 

@@ -28,6 +28,7 @@ def case_text(case: Case) -> str:
         "outages": outage_texts(case.outages, case.window),
         "network": case.source["network"],
         "line": [plain(line) for line in case.line],
+        "tank": [plain(tank) for tank in case.tank],
         "time": {"start": case.start, "slots": case.slots, "step_min": case.step_min},
         "outage": plain(case.outage),
     }
@@ -40,6 +41,7 @@ def case_text(case: Case) -> str:
         data["reserve_price_per_mwh"] = case.reserve_price_per_mwh
     text = tomli_w.dumps({key: value for key, value in data.items() if value != []})
     derived = {grid.tariff_profile for grid in case.grid}
+    derived |= {tank.delivery_profile for tank in case.tank}
     derived |= {name for name in case.profiles if is_reduced(name)}
     columns = [_column(name, v) for name, v in case.profiles.items() if name not in derived]
     return "\n".join([text, "[profiles.columns]", *columns, ""]) if columns else text

@@ -76,6 +76,7 @@ def _merged(members: list[Any], mixed: dict[str, tuple[tuple[str | None, ...], F
 
 
 def profiles_of(microgrid: Microgrid) -> Iterable[str | None]:
-    """Every profile that a device of the microgrid follows."""
+    """Every profile that a device or a tank of the microgrid follows."""
+    tanks = () if microgrid.tanks is None else microgrid.tanks.profiles()
     followed = [name for fleet in microgrid.fleets.values() for name in fleet.profiles()]
-    return dict.fromkeys([*followed, None])
+    return dict.fromkeys([*followed, *tanks, None])

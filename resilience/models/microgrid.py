@@ -19,7 +19,9 @@ from resilience.models.components import (
     Component,
     DeviceFleet,
     Energised,
+    Generators,
     Lines,
+    Tanks,
     Topology,
     bus_capacity,
     device_fleets,
@@ -140,7 +142,16 @@ class Microgrid:
     def components(self) -> tuple[Component, ...]:
         """Everything that emits into the stage, voltages and switches included."""
         first = () if self.energised is None else (self.energised,)
-        return (*first, *self.fleets.values(), *self._wires)
+        tanks = () if self.tanks is None else (self.tanks,)
+        return (*first, *self.fleets.values(), *tanks, *self._wires)
+
+    @cached_property
+    def tanks(self) -> Tanks | None:
+        """The tanks that generators burn from; None where there are none."""
+        generators = self.fleets.get("generator")
+        if not self.case.tank or not isinstance(generators, Generators):
+            return None
+        return Tanks(self.case.tank, generators)
 
     @cached_property
     def _wires(self) -> list[Component]:

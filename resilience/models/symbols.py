@@ -5,9 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Ints
-from resilience.models.components import Buses, Energised, Lines, Topology, fleet_classes
+from resilience.case.schema import DeliveryTable, TankTable
+from resilience.models.components import (
+    Buses,
+    Energised,
+    Generators,
+    Lines,
+    Tanks,
+    Topology,
+    fleet_classes,
+)
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import FlowLimits
+
+_TANK = TankTable(name="tank", capacity_m3=1.0, delivery=(DeliveryTable(hour=0.0, amount_m3=1.0),))
 
 
 def showcase() -> Stage:
@@ -35,6 +46,8 @@ def showcase() -> Stage:
     fleets = tuple(fleet((fleet.showcase(),), bus) for fleet in fleet_classes())
     for fleet in fleets:
         fleet.emit(stage)
+        if isinstance(fleet, Generators):
+            Tanks((_TANK,), fleet).emit(stage)
     lines.emit(stage)
     Topology(lines, ("1", "2"), np.ones(2, bool), np.zeros(2, bool)).emit(stage)
     cells = Energised(("1", "2"), np.arange(2), np.zeros(2, bool), fleets, lines)

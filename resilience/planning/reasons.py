@@ -7,17 +7,23 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, in_roles
+from resilience.planning.fuel import without_fuel
 from resilience.tolerances import AT_LIMIT_TOLERANCE
 
 POLYGON_SHARE = 0.96  # of its rating at which an inverter stands at it, however coarse its polygon
 RATING_SHARE = 0.999  # the same of a line
 
+_SHORT = ("energy", "fuel")
+"""What a source may lack, of storage and of a generator with a tank."""
+
 REASONS = {
     "no source": "its island has no grid-forming unit",
     "power": "sources of its island are at their limits",
     "energy": "sources of its island are at their limits, storage is empty",
+    "fuel": "sources of its island are at their limits, a tank is empty",
     "reactive": "reactive power of its island is at its limit (s_mva, q_max_mvar)",
     "saved": "storage saves what it has for a later slot",
+    "fuel saved": "generators save what is in the tank for a later slot",
     "voltage": "voltages of its island are at both ends of their band",
     "rating": "a line of its island is at its rating",
     "block": "the load can only be served whole",
@@ -47,8 +53,9 @@ def _reason(causes: dict[str, Bools], island: int, t: int, is_block: bool) -> st
     if causes["dead"][island, t]:
         return "no source"
     if causes["bound"][island, t]:
-        return "energy" if causes["empty"][island, t] else "power"
-    for reason in ("reactive", "saved", "voltage", "rating"):
+        short = [reason for reason in ("energy", "fuel") if causes[reason][island, t]]
+        return short[0] if short else "power"
+    for reason in ("reactive", "saved", "fuel saved", "voltage", "rating"):
         if causes[reason][island, t]:
             return reason
     return "block" if is_block else "price"
@@ -68,15 +75,16 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
         np.logical_or.at(islands, (places, slots), holds)
         return islands
 
-    spare, empty, saved, asks, room = (np.zeros(shape, bool) for _ in range(5))
+    spare, asks, room = (np.zeros(shape, bool) for _ in range(3))
+    empty, saved = ({kind: np.zeros(shape, bool) for kind in _SHORT} for _ in range(2))
     for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage"):
         full, starved = _source(program, z, fleet)
         spare |= in_islands(fleet.bus, ~(full | starved))
-        empty |= in_islands(fleet.bus, starved & ~full)
         room |= in_islands(*_reactive_room(program, z, fleet))
-        if fleet.role == "storage":
-            later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
-            saved |= in_islands(fleet.bus, ~(full | starved) & later)
+        kind = "energy" if fleet.role == "storage" else "fuel"
+        empty[kind] |= in_islands(fleet.bus, starved & ~full)
+        later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
+        saved[kind] |= in_islands(fleet.bus, ~(full | starved) & later)
     for fleet in in_roles(fleets, "load"):
         asks |= in_islands(fleet.bus, _asks_reactive(program, fleet))
     buses = np.arange(len(situation.forming))
@@ -84,16 +92,17 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     return {
         "dead": in_islands(buses, situation.alive < 0.5),
         "bound": ~spare,
-        "empty": empty,
+        **empty,
         "reactive": asks & ~room,
-        "saved": saved,
+        "saved": saved["energy"],
+        "fuel saved": saved["fuel"],
         "voltage": in_islands(buses, lowest) & in_islands(buses, highest),
         "rating": in_islands(network.from_bus, _at_rating(program, z)),
     }
 
 
 def _source(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Bools, Bools]:
-    """(devices, slots) whether a device feeds in all it can, and whether it has no energy."""
+    """(devices, slots) whether a device feeds in all it can, and if it has no energy or fuel."""
     standard, vectors = program.standard, program.vectors
     full = np.ones((len(fleet.tables), program.situation.n), bool)
     for name, sign in fleet.flows.items():
@@ -101,7 +110,7 @@ def _source(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Bools,
             columns = standard.columns(name)
             full &= z[columns] >= vectors.upper[columns] - AT_LIMIT_TOLERANCE
     if fleet.stored is None:
-        return full, np.zeros_like(full)
+        return full, without_fuel(program, z, fleet)
     energy = standard.columns(fleet.stored)
     return full, z[energy] <= vectors.lower[energy] + AT_LIMIT_TOLERANCE
 

@@ -29,6 +29,7 @@ from resilience.models.program.gate import (
 )
 from resilience.models.program.referee import audit, settle
 from resilience.models.structures import Cone
+from resilience.planning.fuel import fuel_notes
 from resilience.planning.plan import Plan
 from resilience.planning.reasons import shed_reasons
 from resilience.planning.records import Certificate, Costs, Horizon
@@ -174,7 +175,7 @@ def plan_known_outages(
         certificate=point.certificate,
         totals=point.totals,
         horizon=Horizon.of_case(case),
-        notes=[*result.notes, *trip_notes(program.case, point.tables)],
+        notes=[*result.notes, *trip_notes(program.case, point.tables), *point.fuel_notes],
         not_modelled=[str(omission) for omission in case.omissions],
         seconds_by_phase=seconds,
         tables=point.tables,
@@ -240,6 +241,7 @@ class AuditedPoint:
         tables: every quantity by slot.
         energy_mwh: the energy balance, MWh.
         shed_by_load: {load: {reason: MWh}}.
+        fuel_notes: a sentence per tank.
     """
 
     certificate: Certificate
@@ -247,6 +249,7 @@ class AuditedPoint:
     tables: dict[str, SlotTable]
     energy_mwh: dict[str, float]
     shed_by_load: dict[str, dict[str, float]]
+    fuel_notes: list[str]
 
 
 def audited_point(program: CaseProgram, result: MethodResult, wanted_gap: float) -> AuditedPoint:
@@ -291,6 +294,7 @@ def audited_point(program: CaseProgram, result: MethodResult, wanted_gap: float)
         tables,
         balance(program.case, tables),
         shed_reasons(program, z),
+        fuel_notes(program, z),
     )
 
 

@@ -12,6 +12,7 @@ from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
+from resilience.planning.fuel import LEVEL
 
 _UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
@@ -27,6 +28,7 @@ _MORE_UNITS = {
     "line_reactive": "Mvar at the sending end",
     "line_closed": "1 where the line can carry power",
     "island": "number of the island a bus belongs to; 0 is dead",
+    "fuel": "m³ in the tank at the end of the slot",
     "on": "1 where a generator runs",
     "trip": "1 where a generator stops as an outage begins in its island",
     "variables": "every variable of the model, as `ess.charge[ess1]`, in its own unit",
@@ -127,6 +129,7 @@ def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, 
     for table, names in (
         ("reactive", [fleet.reactive for fleet in order]),
         ("on", [fleet.running for fleet in order if fleet.running is not None]),
+        ("fuel", [LEVEL]),
     ):
         there = [name for name in names if standard.has(name)]
         if there:

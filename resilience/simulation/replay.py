@@ -132,8 +132,8 @@ class _StateUpdate:
         rows: (n,) these rows.
         a: (n, columns) the rows' coefficients.
         pivot: (n,) coefficient of the state in its row.
-        maxima: columns that are a maximum, and the affine expressions (matrix, constant) that
-            they are the maximum of.
+        maxima: what is a maximum, as a matrix that picks its columns or their negatives, and the
+            affine expressions (matrix, constant) that it is the maximum of.
     """
 
     def __init__(self, form: Form) -> None:
@@ -145,9 +145,9 @@ class _StateUpdate:
         tied = np.flatnonzero(rows >= 0)
         self.tied, self.rows = self.states[tied], rows[tied]
         self.a = a[self.rows]
-        self.pivot = self.a[np.arange(len(tied)), self.tied]
+        self.pivot = np.array([self.a[i, j] for i, j in enumerate(self.tied)], float)
         self.maxima = [
-            (form.matrix(s.args[0]).indices, [(form.matrix(x), x.const) for x in s.args[1:]])
+            (form.matrix(s.args[0]), [(form.matrix(x), x.const) for x in s.args[1:]])
             for s in form.stage.structures
             if isinstance(s, Largest)
         ]
@@ -168,6 +168,7 @@ class _StateUpdate:
         """(columns,) of a slot, its states made to follow; rhs (rows,)."""
         z = z.copy()
         z[self.tied] += (rhs[self.rows] - self.a @ z) / self.pivot
-        for columns, expressions in self.maxima:
-            z[columns] = np.max([matrix @ z + const for matrix, const in expressions], axis=0)
+        for y, expressions in self.maxima:
+            largest = np.max([matrix @ z + const for matrix, const in expressions], axis=0)
+            z[y.indices] = largest / y.data + 0.0  # no -0
         return z

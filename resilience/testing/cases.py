@@ -30,6 +30,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
     buses: int = 1,
     lines: Sequence[tuple[int, int, float, float]] = (),
     line_tables: Sequence[DeviceKeys] = (),
+    tanks: Sequence[DeviceKeys] = (),
     profiles: Mapping[str, Sequence[float]] | None = None,
     outages: Sequence[str] = (),
     terminal_value_per_mwh: float = 0.0,
@@ -46,6 +47,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
         buses: how many there are.
         lines: (from, to, r in pu, x in pu), called "from-to".
         line_tables: `[[line]]` tables.
+        tanks: `[[tank]]` tables, called "tank1", "tank2", ...
         profiles: values by name, (slots,) per unit.
         outages: as a case states them, `"1-2@14:00-17:30"`.
         terminal_value_per_mwh: credit for energy left at the end, $/MWh.
@@ -74,6 +76,7 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
             "line": branches,
         },
         "line": [dict(table) for table in line_tables],
+        "tank": [{"name": f"tank{k + 1}", **table} for k, table in enumerate(tanks)],
         "profiles": {"columns": {name: list(v) for name, v in (profiles or {}).items()}},
     }
     for kind, tables in devices.items():

@@ -7,7 +7,7 @@ import numpy as np
 from resilience.case import Case
 from resilience.models.case_program import horizon
 from resilience.models.microgrid import Physics
-from resilience.models.structures import Cone, Split, Structure
+from resilience.models.structures import Cone, Largest, Split, Structure
 from resilience.testing.cases import small_case
 from resilience.testing.tiny import TinyProgram, tiny_program
 
@@ -93,3 +93,28 @@ def feeder() -> TinyProgram:
     )
     optimum = 1.0 + r * current
     return case_program("feeder", case, "distflow", optimum, Cone)
+
+
+@tiny_program
+def tank() -> TinyProgram:
+    """2 MWh of fuel at the start and 3 from 02:00 on, at 10 $ per MWh: the dear load has all of its
+    4 MWh, one in every hour, the other has 1 MWh in the last two, and 3 MWh are shed at 30.
+    """
+    case = small_case(
+        slots=4,
+        tanks=[
+            {
+                "capacity_m3": 1.0,
+                "initial_m3": 0.5,
+                "delivery": [{"hour": 2.0, "amount_m3": 0.75}],
+            }
+        ],
+        generator=[
+            {"p_max_mw": 2.0, "cost_per_mwh": 10.0, "tank": "tank1", "fuel_m3_per_mwh": 0.25}
+        ],
+        load=[
+            {"p_max_mw": 1.0, "shed_cost_per_mwh": 150.0},
+            {"p_max_mw": 1.0, "shed_cost_per_mwh": 30.0},
+        ],
+    )
+    return case_program("tank", case, "copperplate", 50.0 + 3.0 * 30.0, Largest)

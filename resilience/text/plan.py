@@ -11,6 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from resilience.case.deliveries import delivery_slot
 from resilience.case.outages import outage_texts
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
@@ -173,7 +174,7 @@ def print_case(case: Case, console: Console) -> None:
         if names:
             console.print(f"{words}: {', '.join(names)}")
     console.print(f"outages: {', '.join(outage_texts(case.outages, case.window)) or 'none'}")
-    for line in _islands(case):
+    for line in (*_tanks(case), *_islands(case)):
         console.print(line)
     fleets = device_fleets(case)
     order = in_roles(fleet_classes(), "exchange", "dispatchable", "weather", "storage", "load")
@@ -189,6 +190,24 @@ def _fleet(kind: str, case: Case, fleet: DeviceFleet | None) -> tuple[str, ...]:
     places = ", ".join(f"{t.name}@{t.bus}" for t in tables[:MAX_LISTED])
     more = f" and {len(tables) - MAX_LISTED} more" if len(tables) > MAX_LISTED else ""
     return kind, str(len(tables)), f"{total:.3f}", places + more
+
+
+def _tanks(case: Case) -> list[str]:
+    """What every tank holds, who burns from it, and what is delivered."""
+    lines = []
+    for tank in case.tank:
+        units = [unit.name for unit in case.generator if unit.tank == tank.name]
+        contents = (
+            f"{tank.initial_m3:g} of {tank.capacity_m3:g} m³ for {', '.join(units) or 'nobody'}"
+        )
+        comes = [
+            f"{d.amount_m3:g} at {case.slot_label(slot)}"
+            for d in tank.delivery
+            if 0 <= (slot := delivery_slot(d, case.window)) < case.slots
+        ]
+        more = f"; delivered: {', '.join(comes)}" if comes else ""
+        lines.append(f"tank {tank.name}: {contents}{more}")
+    return lines
 
 
 def _islands(case: Case) -> list[str]:

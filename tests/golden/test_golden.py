@@ -46,6 +46,16 @@ COMMITTED = {
 }
 RAMPED = {"ramp_up_mw_per_h": 2.0, "ramp_down_mw_per_h": 3.0, "p_initial_mw": 1.0}
 CURVE = {"p_max_mw": 2.0, "cost_curve": [[0.0, 1.0], [1.0, 3.0], [2.0, 7.0]]}
+TANKS = [
+    {"capacity_m3": 2.0, "initial_m3": 1.5, "delivery": [{"hour": 0.25, "amount_m3": 0.5}]},
+    {"capacity_m3": 1.0},
+]
+BURNERS = [
+    {**UNIT, "tank": "tank1", "fuel_m3_per_mwh": 0.25, "fuel_no_load_m3_per_h": 0.1},
+    {"p_max_mw": 2.0, "tank": "tank1", "fuel_curve": [[0.0, 0.0], [1.0, 0.25], [2.0, 0.75]]},
+    {**UNIT, "tank": "tank2", "fuel_m3_per_mwh": 0.5},
+    UNIT,
+]
 GRID = {
     "import_max_mw": 5.0,
     "export_max_mw": 2.0,
@@ -72,6 +82,7 @@ GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
         {"generator": [{**UNIT, **RAMPED, "start_cost": 5.0, "p_min_mw": 1.0, "initial_on": True}]},
     ),
     "generator-curve": (("Generators",), "copperplate", {"generator": [CURVE]}),
+    "tank": (("Generators", "Tanks"), "copperplate", {"tanks": TANKS, "generator": BURNERS}),
     "grid": (("Grids",), "lindistflow", {"grid": [GRID]}),
     "line-copperplate": (("Lines",), "copperplate", {}),
     "line-lindistflow": (("Buses", "Lines"), "lindistflow", {}),

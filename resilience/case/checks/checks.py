@@ -9,6 +9,7 @@ import numpy as np
 from resilience.case.checks.grids import check_grids
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules, check_units
+from resilience.case.checks.tanks import check_tanks
 from resilience.case.networks.network import Network
 from resilience.case.reading import show
 from resilience.case.schema import DEVICES
@@ -21,6 +22,7 @@ def check_parts(parts: Parts) -> None:
         parts.document.add_findings((kind, str(device.name)), title, broken_rules(kind, device))
     _check_names(parts)
     _check_prices(parts)
+    check_tanks(parts)
     _check_forming(parts)
     if parts.network is not None:
         _check_lines(parts, parts.network)
@@ -34,7 +36,8 @@ def check_parts(parts: Parts) -> None:
 
 def _check_names(parts: Parts) -> None:
     users = defaultdict(list)
-    for kind, device, title in parts.all_devices():
+    tanks = (("tank", tank, title) for tank, title in parts.tanks)
+    for kind, device, title in (*parts.all_devices(), *tanks):
         if device.name:
             users[device.name].append((kind, title))
     for name, places in users.items():

@@ -10,7 +10,7 @@ from resilience.case.document import Document
 from resilience.case.inline import Inline
 from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission
-from resilience.case.schema import GeographyTable, LineTable, StormTable
+from resilience.case.schema import GeographyTable, LineTable, StormTable, TankTable
 from resilience.case.window import Window
 
 
@@ -24,6 +24,7 @@ class Parts:
         network: the network, once it is read.
         inline: what the file itself says of the network.
         lines: `[[line]]` tables with their titles in messages.
+        tanks: `[[tank]]` tables likewise.
         places: (x, y) of buses by name.
         omissions: what of the network file is not modelled.
         geography: the table `[geography]`.
@@ -36,6 +37,7 @@ class Parts:
     network: Network | None = None
     inline: Inline = field(default_factory=Inline)
     lines: list[tuple[LineTable, str]] = field(default_factory=list)
+    tanks: list[tuple[TankTable, str]] = field(default_factory=list)
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     omissions: tuple[Omission, ...] = ()
     geography: GeographyTable | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from resilience.case.data import Case
+from resilience.case.deliveries import delivery_slot
 from resilience.case.networks.omissions import omission_text
 from resilience.case.schema import DeviceTable, ESSTable, GridTable, LoadTable, PVTable
 
@@ -22,6 +23,8 @@ def remarks(case: Case) -> list[str]:
         *_sun_at_night(case),
         *_without_reactive_power(case),
         *_without_end_value(case),
+        *_unused_tanks(case),
+        *_missed_deliveries(case),
     ]
 
 
@@ -56,6 +59,34 @@ def _without_end_value(case: Case) -> list[str]:
         f"{names}: stored energy is worth nothing at the end, so a plan ends with empty storage "
         "wherever that saves anything\n"
         "hint: give terminal_value_per_mwh, 0 if that is meant, or soc_final_min"
+    ]
+
+
+def _unused_tanks(case: Case) -> list[str]:
+    """A remark on tanks that nobody burns from."""
+    burnt_from = {unit.tank for unit in case.generator}
+    names = [f"[[tank]] {tank.name}" for tank in case.tank if tank.name not in burnt_from]
+    if not names:
+        return []
+    return [
+        f"{_listed(names)}: no generator burns from it\n"
+        "hint: give the [[generator]] tank = ... and fuel_m3_per_mwh"
+    ]
+
+
+def _missed_deliveries(case: Case) -> list[str]:
+    """A remark on deliveries of which no slot of the horizon can make use."""
+    names = [
+        f"[[tank]] {tank.name} delivery[{number}]"
+        for tank in case.tank
+        for number, delivery in enumerate(tank.delivery, start=1)
+        if not 0 <= delivery_slot(delivery, case.window) < case.slots
+    ]
+    if not names:
+        return []
+    return [
+        f"{_listed(names)}: outside the horizon, {case.window}, so it brings nothing\n"
+        "hint: fuel can be used from the first slot that starts when it is there"
     ]
 
 

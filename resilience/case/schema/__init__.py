@@ -27,11 +27,13 @@ from resilience.case.schema.storm import (
 from resilience.case.schema.tables import (
     BranchTable,
     BusTable,
+    DeliveryTable,
     HeadTable,
     LineTable,
     NetworkTable,
     OutageTable,
     ProfilesTable,
+    TankTable,
     TimeTable,
 )
 
@@ -41,6 +43,7 @@ __all__ = [
     "BusTable",
     "CloudTable",
     "CurveTable",
+    "DeliveryTable",
     "DeviceKind",
     "DeviceTable",
     "ESSTable",
@@ -58,6 +61,7 @@ __all__ = [
     "RepairTable",
     "StormTable",
     "Table",
+    "TankTable",
     "TimeTable",
     "case_schema",
     "case_table",

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from types import GenericAlias
 from typing import Annotated, Any
 
@@ -37,6 +38,7 @@ from resilience.case.schema.tables import (
     NetworkTable,
     OutageTable,
     ProfilesTable,
+    TankTable,
     TimeTable,
 )
 from resilience.errors import UsageError
@@ -163,6 +165,24 @@ class GeneratorTable(DeviceTable):
         24.0, le=MAX_HOURS, description="time in that status so far, h"
     )
     p_initial_mw: NonNegative = Field(0.0, description="output before the first slot, MW")
+    tank: Name | None = Field(
+        None, description="name of the [[tank]] that it burns from; absent: fuel never ends"
+    )
+    fuel_m3_per_mwh: Positive | None = Field(
+        None, description="fuel per MWh, m³: litres per kWh are the same number"
+    )
+    fuel_no_load_m3_per_h: NonNegative = Field(
+        0.0, description="fuel of being on, m³ per h, beside fuel_m3_per_mwh"
+    )
+    fuel_curve: (
+        Annotated[
+            tuple[Annotated[tuple[float, float], Field(strict=False)], ...], Field(strict=False)
+        ]
+        | None
+    ) = Field(
+        None,
+        description="[[p_mw, m3_per_h], ...], p and fuel rising, convex; replaces fuel_m3_per_mwh",
+    )
     q_min_mvar: float = Field(0.0, description="least reactive output, Mvar")
     q_max_mvar: float = Field(0.0, description="greatest reactive output, Mvar")
     grid_forming: bool = Field(True, description="true: can carry an island alone")
@@ -174,6 +194,25 @@ class GeneratorTable(DeviceTable):
             return self.cost_per_mwh
         points = zip(self.cost_curve, self.cost_curve[1:], strict=False)
         return max((y2 - y1) / (x2 - x1) for (x1, y1), (x2, y2) in points)
+
+    @property
+    def fuel_pieces(self) -> tuple[tuple[float, float], ...]:
+        """(m³ per MWh, m³ per h at no output) of every piece of its fuel curve, extended to 0.
+
+        What it burns while it is on is the largest of them, since the curve is convex.
+        """
+        if self.fuel_curve is None:
+            return ((self.fuel_m3_per_mwh or 0.0, self.fuel_no_load_m3_per_h),)
+        pieces = []
+        for (x1, y1), (x2, y2) in pairwise(self.fuel_curve):
+            slope = (y2 - y1) / (x2 - x1)
+            pieces.append((slope, y1 - slope * x1))
+        return tuple(pieces)
+
+    @property
+    def burns_at_no_load(self) -> bool:
+        """Whether it burns fuel of a tank at no output, so that it matters if it is on."""
+        return self.tank is not None and self.fuel_pieces[0][1] > 0.0
 
 
 class GridTable(DeviceTable):
@@ -304,6 +343,7 @@ class _NetworkAndTime(HeadTable):
 
     network: NetworkTable
     line: tuple[LineTable, ...] = Field((), strict=False)
+    tank: tuple[TankTable, ...] = Field((), strict=False)
     time: TimeTable
     profiles: ProfilesTable = Field(default_factory=ProfilesTable)
     outage: OutageTable = Field(default_factory=OutageTable)

@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field
 
-from resilience.case.schema.fields import Loose, Money, Name, Positive, Price, Table
+from resilience.case.schema.fields import Loose, Money, Name, NonNegative, Positive, Price, Table
 
 MAX_SLOTS = 1_000_000
 """Of a horizon."""
@@ -102,6 +102,31 @@ class LineTable(Table):
     span_m: Positive | None = Field(
         None, description="longest distance between its poles, m, in place of the geography's"
     )
+
+
+class DeliveryTable(Table):
+    """`[[tank.delivery]]`: fuel that arrives; usable from the first slot that starts no earlier."""
+
+    time: datetime | None = Field(None, description="local date and time; or give hour")
+    hour: NonNegative | None = Field(None, description="hours after the start; or give time")
+    amount_m3: Positive = Field(description="fuel, m³; what finds no room is turned away")
+
+
+class TankTable(Table):
+    """`[[tank]]`: fuel that generators share; those that burn from it name it as their `tank`."""
+
+    name: Name = Field(description="unique name of the tank")
+    capacity_m3: Positive = Field(description="fuel that it can hold, m³: a thousand litres")
+    initial_m3: NonNegative | None = Field(
+        default_factory=lambda data: data.get("capacity_m3"),
+        description="fuel at the start, m³; default: full",
+    )
+    delivery: tuple[DeliveryTable, ...] = Field((), strict=False, description="fuel that arrives")
+
+    @property
+    def delivery_profile(self) -> str | None:
+        """Name of the profile of the case that holds deliveries, m³ per h; `None` without any."""
+        return f"deliveries to {self.name}" if self.delivery else None
 
 
 class TimeTable(Table):

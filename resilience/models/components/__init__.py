@@ -19,6 +19,7 @@ from resilience.models.components.grid import Grids
 from resilience.models.components.line import Lines
 from resilience.models.components.load import Loads
 from resilience.models.components.pv import PV
+from resilience.models.components.tank import Tanks
 from resilience.models.components.topology import Topology
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "Lines",
     "Loads",
     "Role",
+    "Tanks",
     "Topology",
     "bus_capacity",
     "device_fleets",

@@ -19,7 +19,7 @@ and alike for standing still with $w$ and $1 - u$. A unit in a dead island stand
 it was doing. In the slot in which an outage begins in its island it may trip: neither its minimum
 up time nor its ramp keep it from going down, or off. What is left of the minimum up time lapses
 with a stop: $r - \Delta t - T^\uparrow w$ stands in place of $r - \Delta t$. Without minimum power,
-no-load cost, start cost and minimum times there is no binary.
+no-load cost or fuel, start cost and minimum times there is no binary. Fuel is in `tank`.
 
 | symbol | name | unit |
 |---|---|---|
@@ -51,8 +51,15 @@ from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-_COMMITMENT = ("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
-"""Keys that need an on/off decision where they are not 0."""
+_COMMITMENT = (
+    "p_min_mw",
+    "no_load_cost_per_h",
+    "start_cost",
+    "min_up_h",
+    "min_down_h",
+    "burns_at_no_load",
+)
+"""What of a table needs an on/off decision where it is not 0."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,8 @@ class Generators(DeviceFleet):
             min_up_h=1.0,
             min_down_h=1.0,
             ramp_up_mw_per_h=1.0,
+            tank="tank",
+            fuel_curve=((0.3, 0.1), (0.6, 0.2), (1.0, 0.4)),
         )
 
     def power_range(self) -> tuple[Floats, Floats]:
@@ -107,11 +116,12 @@ class Generators(DeviceFleet):
         return surely
 
     def merge_key(self, table: GeneratorTable) -> Hashable | None:
-        """Its price; a unit with a curve, ramps or commitment stays alone."""
-        limits = (table.cost_curve, table.ramp_up_mw_per_h, table.ramp_down_mw_per_h)
+        """Its price, tank and fuel; a unit with a curve, ramps or commitment stays alone."""
+        ramps = (table.ramp_up_mw_per_h, table.ramp_down_mw_per_h)
+        limits = (table.cost_curve, table.fuel_curve, *ramps)
         if any(x is not None for x in limits) or any(getattr(table, k) for k in _COMMITMENT):
             return None
-        return float(table.cost_per_mwh)
+        return float(table.cost_per_mwh), table.tank, table.fuel_m3_per_mwh
 
     def _array(self, key: str, units: Ints | None = None) -> Floats:
         tables = self.tables if units is None else [self.tables[i] for i in units]

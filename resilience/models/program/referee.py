@@ -158,5 +158,7 @@ def tightened(standard: Standard, z: Floats) -> Floats:
             m[elements] @ z + c[elements]
             for m, c in zip(largest.matrices[1:], largest.consts[1:], strict=True)
         ]
-        z[largest.matrices[0].indices[elements]] = largest.structure.maximum(xs)
+        # One column per element, y or its negative.
+        y = largest.matrices[0]
+        z[y.indices[elements]] = largest.structure.maximum(xs) / y.data[elements] + 0.0
     return z

@@ -15,7 +15,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors
 
-POWERS_OF_BASE = {"MW": 1, "Mvar": 1, "MWh": 1, "pu": 2}
+POWERS_OF_BASE = {"MW": 1, "Mvar": 1, "MWh": 1, "m³": 1, "m³/h": 1, "pu": 2}
 """By unit of a variable, with which power of the base it grows; `pu` is a squared current."""
 COST_UNITS = ("$", "$/h")
 POWER = 1

@@ -2,7 +2,8 @@ r"""A number is the largest of some others, where a smaller one is never worse.
 
 $$ y = \max_k x_k $$
 
-Arguments: y, x1, x2, ..., y being a plain column.
+Arguments: y, x1, x2, ..., y being a plain column, or the negative of one: the smallest of the
+negatives of the others, where a larger one is never worse.
 
 - Scaled violation: |y - max x|.
 - Exact rewrite: the rows  y >= x_k, which the stage holds anyway. Since a smaller y is never worse,
