@@ -11,12 +11,13 @@ operation for all tiers, and what every source gives is worked out when it is as
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 from resilience.models.simulator.constants import Matrix
+from resilience.models.simulator.fuel import FUEL_TOLERANCE_M3, Fuelled
 from resilience.models.simulator.merit import fill
 from resilience.models.simulator.paper import paper_fill
 from resilience.models.simulator.prices import Way
@@ -29,6 +30,7 @@ class Closed(NamedTuple):
     Attributes:
         cost, charge, discharge, spill: as in `Step`; storage is priced last.
         flows: what works out the power of every source.
+        burnt: (tanks, batch) m³ of fuel; None without tanks.
     """
 
     cost: Array
@@ -36,6 +38,7 @@ class Closed(NamedTuple):
     discharge: Array
     spill: Array
     flows: Callable[[], Array]
+    burnt: Array | None = None
 
     def deviation(self, request: tuple[Array, Array]) -> Array:
         """(batch,) MW by which it differs from the charging and discharging requested."""
@@ -54,6 +57,8 @@ class ReadyOrder:
         drawn_before: (tiers + 1, buses, batch) MW of all tiers before one, last of all together.
         data, island: of the slot.
         load: (buses, batch) demand of the islands where the paper's equations close them, MW.
+        fuelled: sources that burn from tanks; None without any.
+        lost: (burners, batch) MW that these cannot give for want of fuel; None: nothing.
     """
 
     way: Way
@@ -63,6 +68,8 @@ class ReadyOrder:
     data: Array
     island: Array
     load: Array | None
+    fuelled: Fuelled | None = None
+    lost: Array | None = None
 
     @classmethod
     def of_slot(cls, way: Way, data: Array, island: Array, demand: Array | None) -> ReadyOrder:
@@ -79,18 +86,82 @@ class ReadyOrder:
         sums = ops.sums(values.reshape(order.tiers + 1, *island.shape), island, len(island))
         need, room = sums[0], sums[1:]
         load = None if demand is None else ops.sums(demand, island, len(island))
-        return cls(way, need, room, ops.cumulated(room), data, island, load)
+        before, fuelled = ops.cumulated(room), None
+        if order.burners is not None:
+            most_mw = ops.wide(
+                ops.rows(order.move(ops, data), order.burners.source), island.shape[-1]
+            )
+            tiers = room, before
+            fuelled = Fuelled.of_slot(ops, order.burners, island, most_mw, tiers)
+        return cls(way, need, room, before, data, island, load, fuelled)
 
-    def closed(self, request: tuple[Array, Array], units: Array) -> Closed:
+    def closed(
+        self, request: tuple[Array, Array], units: Array, fuel: Array | None = None
+    ) -> Closed:
         """Every island closed, storage doing what is requested or less.
 
         Args:
             request: (units, batch) MW of charging and of discharging.
             units: (units, batch) number of the island of every unit.
+            fuel: (tanks, batch) m³ that may be burnt; None without tanks.
         """
         charge, discharge = request
         ops, n = array_ops(charge), len(self.need)
         need = self.need + ops.sums(charge - discharge, units, n)
+        if fuel is None:
+            return self._closed(ops, request, units, need)
+        if self.fuelled is None:
+            return self._closed(ops, request, units, need)._replace(burnt=fuel * 0.0)
+        order, power = self._within(ops, need, fuel, self.fuelled)
+        burnt = self.fuelled.burners.burnt(ops, power)
+        return order._closed(ops, request, units, need)._replace(burnt=burnt)
+
+    def _within(
+        self, ops: ArrayOps, need: Array, fuel: Array, unlimited: Fuelled
+    ) -> tuple[ReadyOrder, Array]:
+        """The order with as much room as there is fuel for, and (burners, batch) MW of burners.
+
+        Args:
+            ops: operations for the kind of array.
+            need: (buses, batch) MW.
+            fuel: (tanks, batch) m³.
+            unlimited: the burners with all of their fuel.
+        """
+        order, power = self, self._power(ops, need, unlimited)
+        lost = power * 0.0
+        for _ in range(unlimited.burners.tanks):
+            over = unlimited.burners.burnt(ops, power) - fuel
+            if not ops.may_exceed(ops.positive(over), FUEL_TOLERANCE_M3):
+                break
+            lost = ops.maximum(lost, unlimited.lost(ops, power, fuel, over))
+            order, fuelled = self._with_less_room(ops, lost, unlimited)
+            power = order._power(ops, need, fuelled)
+        return order, power
+
+    def _power(self, ops: ArrayOps, need: Array, fuelled: Fuelled) -> Array:
+        """(burners, batch) MW of burners where islands need (buses, batch) MW."""
+        if not self.way.order.block.any():
+            return fuelled.power(ops, need)
+        drawn, _ = self._drawn(ops, need)
+        return fuelled.power_of(ops, drawn)
+
+    def _with_less_room(
+        self, ops: ArrayOps, lost: Array, unlimited: Fuelled
+    ) -> tuple[ReadyOrder, Fuelled]:
+        """The order, and its burners, without what these have lost, (burners, batch) MW."""
+        burners, n = unlimited.burners, len(self.need)
+        at_row = (burners.at_row.as_matrix(ops) @ lost).reshape(-1, n, lost.shape[-1])
+        room = ops.positive(self.room - ops.sums(at_row, self.island, n))
+        before = ops.cumulated(room)
+        most_mw, tiers = unlimited.most_mw - lost, (room, before)
+        fuelled = Fuelled.of_slot(ops, burners, self.island, most_mw, tiers)
+        return replace(self, room=room, drawn_before=before, lost=lost), fuelled
+
+    def _closed(
+        self, ops: ArrayOps, request: tuple[Array, Array], units: Array, need: Array
+    ) -> Closed:
+        """Islands that need (buses, batch) MW, storage's request included, closed."""
+        (charge, discharge), n = request, len(self.need)
         cost, missing = self._spent(ops, need)
         spill = missing[1]
         if ops.may_exceed(missing, POWER_TOLERANCE_MW):
@@ -127,7 +198,8 @@ class ReadyOrder:
 
     def _flows(self, ops: ArrayOps, need: Array) -> Array:
         drawn, _ = self._drawn(ops, need)
-        return self.way.order.flows(ops, drawn, self.room, self.data, self.island)
+        order = self.way.order
+        return order.flows(ops, drawn, self.room, self.data, self.island, self.lost)
 
 
 @dataclass(frozen=True)
@@ -146,10 +218,17 @@ class ReadyGroup:
     units: Array
     orders: tuple[ReadyOrder, ...]
 
-    def closed(self, request: tuple[Array, Array]) -> Closed:
+    def chosen(
+        self, request: tuple[Array, Array], fuel: Array | None
+    ) -> tuple[tuple[Array, Array], Array | None]:
+        """Request and fuel of the members."""
+        charge, discharge = (power[:, self.members] for power in request)
+        return (charge, discharge), None if fuel is None else fuel[:, self.members]
+
+    def closed(self, request: tuple[Array, Array], fuel: Array | None = None) -> Closed:
         """Every island closed in the way that is nearest to the request, storage priced."""
         ops = array_ops(request[0])
-        closed, *others = [recourse.closed(request, self.units) for recourse in self.orders]
+        closed, *others = [way.closed(request, self.units, fuel) for way in self.orders]
         if others:
             closed = _nearest(ops, request, closed, others)
         cost = closed.cost
@@ -175,6 +254,7 @@ def _nearest(
             discharge=ops.where(better, candidate.discharge, best.discharge),
             spill=ops.where(better, candidate.spill, best.spill),
             flows=partial(_either, ops, better, candidate.flows, best.flows),
+            burnt=None if best.burnt is None else ops.where(better, candidate.burnt, best.burnt),
         )
         deviation = ops.where(better, its_deviation, deviation)
     return best
@@ -186,13 +266,14 @@ def side_by_side(ops: ArrayOps, parts: Sequence[Closed], place: Array) -> Closed
     def joined(arrays: Iterable[Array]) -> Array:
         return ops.beside(list(arrays))[..., place]
 
-    cost, charge, discharge, spill, flows = zip(*parts, strict=True)
+    cost, charge, discharge, spill, flows, burnt = zip(*parts, strict=True)
     return Closed(
         joined(cost),
         joined(charge),
         joined(discharge),
         joined(spill),
         lambda: joined(work_out() for work_out in flows),
+        None if burnt[0] is None else joined(burnt),
     )
 
 

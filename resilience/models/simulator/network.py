@@ -26,7 +26,7 @@ from resilience.models.program.unroll import unroll
 from resilience.models.simulator.arrays import ArrayOps, array_ops
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.numpy_ops import NumPyOps
-from resilience.models.simulator.plant import STATE, MemberPrices, Plant
+from resilience.models.simulator.plant import LEVEL, STATE, MemberPrices, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
 
@@ -63,11 +63,19 @@ class NetworkSimulator(Plant):
     def __reduce__(self) -> tuple[type[NetworkSimulator], tuple[Microgrid, float]]:
         return NetworkSimulator, (self.microgrid, self.dt)  # a solver cannot be sent to a process
 
-    def step(self, energy: Floats, action: Floats, data: Floats, island: Ints) -> Step:
+    def step(
+        self,
+        energy: Floats,
+        action: Floats,
+        data: Floats,
+        island: Ints,
+        fuel: Floats | None = None,
+    ) -> Step:
         """One step; see `Simulator.step`. NumPy arrays only.
 
         Raises:
             UsageError: torch arrays.
+            ValueError: fuel is not told though there are tanks.
             SolverError: a member has no dispatch at all.
         """
         ops = array_ops(energy)
@@ -75,12 +83,18 @@ class NetworkSimulator(Plant):
             raise UsageError(
                 "the network simulator steps NumPy arrays", hint="gradients need Simulator"
             )
+        if fuel is None:
+            if self.tanks:
+                raise ValueError(f"no fuel of the tanks {', '.join(self.tanks)} was told")
+            fuel = np.empty((0, energy.shape[1]))
         groups = self.prices(data)
         if groups[0].members is None:
-            return self._step(ops, groups[0], energy, action, data, island)
+            return self._step(ops, groups[0], (energy, fuel), action, data, island)
         members = [np.empty(0, np.intp) if g.members is None else g.members for g in groups]
         steps = [
-            self._step(ops, group, energy[:, k], action[:, k], data[:, k], island[:, k])
+            self._step(
+                ops, group, (energy[:, k], fuel[:, k]), action[:, k], data[:, k], island[:, k]
+            )
             for group, k in zip(groups, members, strict=True)
         ]
         place = np.argsort(np.concatenate(members))
@@ -95,22 +109,25 @@ class NetworkSimulator(Plant):
             discharge=joined("discharge"),
             spill=joined("spill"),
             _flows=lambda: joined("flows"),
+            fuel=joined("fuel") if self.tanks else None,
         )
 
     def _step(
         self,
         ops: ArrayOps,
         paid: MemberPrices,
-        energy: Floats,
+        state: tuple[Floats, Floats],
         action: Floats,
         data: Floats,
         island: Ints,
     ) -> Step:
-        """One step of members of equal prices."""
+        """One step of members of equal prices; the state is energy and fuel."""
+        energy, fuel = state
         prices, storage_prices = paid.sources, paid.storage
         limits = self.power_limits(ops, data, energy.shape[-1])
         charge, discharge = self.masked_action(ops, energy, action, limits)
-        batch = _Batch.build(self, energy, (charge, discharge), ops.wide(data, energy.shape[1]))
+        data = ops.wide(data, energy.shape[1])
+        batch = _Batch.build(self, state, (charge, discharge), data)
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
         z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T
         z = z[self.table]
@@ -127,7 +144,12 @@ class NetworkSimulator(Plant):
         cells = island[self.bus[batch.must]], np.arange(energy.shape[1])[None, :]
         np.add.at(spill, cells, spilled)
         after = self.after(energy, charge, discharge)
-        return Step(after, cost, charge, discharge, spill, lambda: flows)
+        if self.tanks:
+            burnt = self.fuel_per_mw @ flows
+            fuel_after = self.fuel_after(fuel + self.delivered(ops, data), burnt)
+        return Step(
+            after, cost, charge, discharge, spill, lambda: flows, fuel_after if self.tanks else None
+        )
 
     def _best(self, batch: _Batch, k: int, closed: list[Ints]) -> Floats:
         """(columns,) the cheapest point of member k over the ways to close connections."""
@@ -167,9 +189,21 @@ class _Batch:
 
     @classmethod
     def build(
-        cls, plant: NetworkSimulator, energy: Floats, request: tuple[Floats, Floats], data: Floats
+        cls,
+        plant: NetworkSimulator,
+        state: tuple[Floats, Floats],
+        request: tuple[Floats, Floats],
+        data: Floats,
     ) -> _Batch:
-        """The vectors of a slot; `request` is charging and discharging power (units, members)."""
+        """The vectors of a slot.
+
+        Args:
+            plant: what steps it.
+            state: energy (units, members) MWh and fuel (tanks, members) m³.
+            request: charging and discharging power (units, members), MW.
+            data: (n_data, members).
+        """
+        energy, fuel = state
         form, standard, table = plant.form, plant.standard, plant.table
         low, high, sides, prices = form.numbers(data)
         n, members = standard.n_columns, energy.shape[1]
@@ -181,6 +215,9 @@ class _Batch:
         if len(plant.units):
             stored = standard.initial[STATE]
             lower[:, stored] = upper[:, stored] = energy.T
+        if plant.tanks:
+            level = standard.initial[LEVEL]
+            lower[:, level] = upper[:, level] = fuel.T
         order_worth = ORDER_WORTH * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
         for columns, power in zip(plant.stored, request, strict=True):
             upper[:, table[columns]] = power.T

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.simulator.arrays import Array, ArrayOps
 from resilience.models.simulator.constants import Constant, Map, Matrix
+from resilience.models.simulator.fuel import Burners, compiled_burners
 from resilience.models.simulator.plant import Plant
 from resilience.tolerances import POWER_TOLERANCE_MW
 
@@ -31,6 +32,7 @@ class Order:
         map: from data to the need of every bus and the room of every tier at every bus, MW.
         lowest: from data to (columns,), where every source stands when nothing is drawn, MW.
         move: from data to (columns,), how far it goes when all of it is drawn, MW.
+        burners: sources that burn from tanks; None without any.
     """
 
     tier: Ints
@@ -40,6 +42,7 @@ class Order:
     map: Map
     lowest: Map
     move: Map
+    burners: Burners | None = None
 
     @property
     def tiers(self) -> int:
@@ -47,7 +50,13 @@ class Order:
         return len(self.block)
 
     def flows(
-        self, ops: ArrayOps, drawn: list[Array], room: Array, data: Array, island: Array
+        self,
+        ops: ArrayOps,
+        drawn: list[Array],
+        room: Array,
+        data: Array,
+        island: Array,
+        lost: Array | None = None,
     ) -> Array:
         """(columns, batch) MW of every source, from what its tier gave in its island.
 
@@ -57,11 +66,15 @@ class Order:
             room: (tiers, buses, batch) MW that each tier could give.
             data: (n_data, batch) or (n_data, 1).
             island: (buses, batch) number of the island of every bus.
+            lost: (burners, batch) MW that burners cannot give for want of fuel; None: nothing.
         """
         share = ops.stacked(drawn) / ops.at_least(room, POWER_TOLERANCE_MW)
         share = ops.at_islands(share, island).reshape(-1, share.shape[-1])
         row = self.tier * self.n_buses + self.bus
-        return ops.scaled_rows(share, row, self.move(ops, data), self.lowest(ops, data))
+        move = self.move(ops, data)
+        if lost is not None and self.burners is not None:
+            move = move - self.burners.at_source.as_matrix(ops) @ lost
+        return ops.scaled_rows(share, row, move, self.lowest(ops, data))
 
 
 @dataclass(frozen=True)
@@ -112,6 +125,7 @@ def compiled_order(plant: Plant, tier: Ints, block: Bools, closed: Bools) -> Ord
         map=_stacked(need, _scaled(room, to_tiers)),
         lowest=lowest,
         move=_scaled(room, sp.diags_array(plant.sign[:, 0])),
+        burners=compiled_burners(plant, tier),
     )
 
 

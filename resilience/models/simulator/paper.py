@@ -37,6 +37,11 @@ def check_paper(plant: Plant) -> None:
             f"the paper's recourse does not know {', '.join(unknown)}; allowed: {', '.join(TIERS)}",
             hint="use recourse='economic'",
         )
+    if plant.tanks:
+        raise UsageError(
+            f"the paper's recourse knows no tanks, but there is {', '.join(plant.tanks)}",
+            hint="use recourse='economic'",
+        )
     blocks = [load.name for load in plant.microgrid.case.load if load.block]
     if blocks:
         raise UsageError(

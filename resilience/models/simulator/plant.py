@@ -4,6 +4,7 @@ Nothing of a device is written here:
 
 - storage is what moves the state: its dynamics row gives the change per MW;
 - a source feeds or loads a bus at a price: whatever stands in the balance and is no flow;
+- a tank is a level and what burns from it: its own row says how much per MW;
 - demand must be fed in any case: the balance's right-hand side.
 """
 
@@ -26,6 +27,7 @@ from resilience.models.simulator.constants import Constant, Map
 
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")
+LEVEL, DELIVERY = "tank.level", "tank.delivery"
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,10 @@ class Plant:
         price: map from data to (columns, batch) $ per MW and step.
         storage_price: maps from data to (units, batch) $ per MW and step, likewise for both.
         stored: columns of the form in which charging and discharging stand, (units,) each.
+        tanks: names of the tanks.
+        tank_capacity: (tanks, 1) m³.
+        fuel_per_mw: (tanks, columns) m³ burnt in a step per MW of every source.
+        delivered: map from data to (tanks, batch) m³ that arrive in a step.
         charges_at_zero: which one-sided gradient an order of zero has.
     """
 
@@ -91,6 +97,7 @@ class Plant:
         self.demand = Map(sides[rows], slopes[rows])
         self._read_storage()
         self._read_sources()
+        self._read_tanks()
 
     def positions(self, name: str) -> Ints:
         """Columns of a variable in the stage's form."""
@@ -151,6 +158,37 @@ class Plant:
         self.price = self._priced(self.sources)
         priced = [self.price, *self.storage_price]
         self._moving = np.unique(np.concatenate([p.coefficients.indices for p in priced]))
+
+    def _read_tanks(self) -> None:
+        """Reads tanks, and what burns from them, from the rows of their levels."""
+        form = self.form
+        blocks = [b for _, b in form.stage.states if b.name == LEVEL]
+        self.tanks: Labels = blocks[0].labels if blocks else ()
+        n, self.tank_capacity = len(self.tanks), np.empty((0, 1))
+        self.fuel_per_mw = sp.csc_array((n, len(self.columns)))
+        self.delivered = Map(np.zeros(n), sp.csr_array((n, form.n_data)))
+        if blocks:
+            upper, _ = form.upper_bounds
+            self.tank_capacity = upper[self.positions(LEVEL) - form.n_now][:, None]
+            moves = form.a.tocsr()[form.rows("tank.dynamics")]
+            self.fuel_per_mw = sp.csc_array(moves[:, self.sources])
+            self.fuel_per_mw.eliminate_zeros()
+            if any(block.name == DELIVERY for block in form.own_blocks):
+                columns = self.positions(DELIVERY)
+                rate, per_rate = self.bound("upper", columns), -moves[:, columns]
+                amount = sp.csr_array(per_rate @ rate.coefficients)
+                self.delivered = Map(per_rate @ rate.constant, amount)
+        self._tank_capacity = Constant(self.tank_capacity)
+
+    def fuel_after(self, available: Array, burnt: Array) -> Array:
+        """(tanks, batch) fuel at the end of a step, m³.
+
+        Args:
+            available: (tanks, batch) m³ at its start and delivered in it.
+            burnt: (tanks, batch) m³ burnt in it.
+        """
+        ops = array_ops(available)
+        return ops.positive_up_to(available - burnt, self._tank_capacity.as_array(ops))
 
     def _priced(self, columns: Ints) -> Map:
         costs = self.form.costs

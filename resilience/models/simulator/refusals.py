@@ -12,8 +12,9 @@ from resilience.models.structures import Cone, Disc, Largest, Split, Structure
 if TYPE_CHECKING:
     from resilience.models.simulator.plant import Plant
 
-STATES = ("ess.energy",)
+STATES = ("ess.energy", "tank.level")
 BLOCKS = ("load.on",)
+CURVES = ("tank.burn",)
 STEPPED: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Largest})
 """Structures that a step holds."""
 
@@ -38,10 +39,11 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
     demands += [
         f"hold the {s.title} {s.name!r}" for s in stage.structures if type(s) not in STEPPED
     ]
+    demands += [f"follow the curve {b.name!r}" for b in form.own_blocks if b.name in CURVES]
     if ratings and np.isfinite(plant.microgrid.network.rating_mva).any():
         demands.append("hold line ratings")
     if demands:
-        without = ["commitment", "ramps", "cost curves", "switchable lines"]
+        without = ["commitment", "ramps", "curves of cost or fuel", "switchable lines"]
         without += ([] if blocks else ["blocks"]) + (["line ratings"] if ratings else [])
         raise UsageError(
             f"the simulator does not {', '.join(demands)}",

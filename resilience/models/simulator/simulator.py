@@ -52,6 +52,7 @@ class Step:
         charge, discharge: (units, batch) MW after masking and cutting back.
         spill: (buses, batch) power that had to be taken and could not be used, in the row of the
             island's number.
+        fuel: (tanks, batch) m³ in every tank at the end; None without tanks.
     """
 
     energy: Array
@@ -60,6 +61,7 @@ class Step:
     discharge: Array
     spill: Array
     _flows: Callable[[], Array] = field(repr=False, compare=False)
+    fuel: Array | None = None
 
     @cached_property
     def flows(self) -> Array:
@@ -77,11 +79,13 @@ class ReadySlot(NamedTuple):
         storage: what it is to storage.
         groups: every member is in one of them.
         place: (batch,) where each member is when groups are laid side by side; None: there is one.
+        delivered: (tanks, batch) or (tanks, 1) m³ of fuel that arrive; None without tanks.
     """
 
     storage: StorageSlot
     groups: tuple[ReadyGroup, ...]
     place: Array | None
+    delivered: Array | None = None
 
 
 class Simulator(Plant):
@@ -169,9 +173,12 @@ class Simulator(Plant):
             )
             orders = [ReadyOrder.of_slot(w, data_of, island_of, demand_of) for w in group.ways]
             groups.append(ReadyGroup(group.members, group.storage, units_of, tuple(orders)))
-        return ReadySlot(storage, tuple(groups), priced.place)
+        delivered = self.delivered(ops, data) if self.tanks else None
+        return ReadySlot(storage, tuple(groups), priced.place, delivered)
 
-    def step(self, energy: Array, action: Array, data: Array, island: Array) -> Step:
+    def step(
+        self, energy: Array, action: Array, data: Array, island: Array, fuel: Array | None = None
+    ) -> Step:
         """One step. Members of different prices, as of different slots, do as if they were alone.
 
         Args:
@@ -179,23 +186,36 @@ class Simulator(Plant):
             action: (units, batch) charging power requested, MW; negative is discharging.
             data: (n_data, batch) or (n_data, 1) from `stacked`, of the kind of `energy`.
             island: (buses, batch) number of the island of every bus.
+            fuel: (tanks, batch) m³ in every tank; None without tanks.
         """
-        return self.step_ready(energy, action, self.ready(data, island))
+        return self.step_ready(energy, action, self.ready(data, island), fuel)
 
-    def step_ready(self, energy: Array, action: Array, slot: ReadySlot) -> Step:
-        """One step of a slot that is ready; see `step`."""
+    def step_ready(
+        self, energy: Array, action: Array, slot: ReadySlot, fuel: Array | None = None
+    ) -> Step:
+        """One step of a slot that is ready; see `step`.
+
+        Raises:
+            ValueError: fuel is not told though there are tanks.
+        """
         ops = array_ops(energy)
         request = self.masked_action(ops, energy, action, slot.storage.power_limits)
+        if slot.delivered is not None:
+            if fuel is None:
+                raise ValueError(f"no fuel of the tanks {', '.join(self.tanks)} was told")
+            fuel = fuel + slot.delivered
         if slot.place is None:
-            closed = slot.groups[0].closed(request)
+            closed = slot.groups[0].closed(request, fuel)
         else:
-            parts = [
-                group.closed((request[0][:, group.members], request[1][:, group.members]))
-                for group in slot.groups
-            ]
-            closed = side_by_side(ops, parts, slot.place)
-        cost, charge, discharge, spill, flows = closed
-        return Step(self.after(energy, charge, discharge), cost, charge, discharge, spill, flows)
+            closed = side_by_side(
+                ops,
+                [group.closed(*group.chosen(request, fuel)) for group in slot.groups],
+                slot.place,
+            )
+        cost, charge, discharge, spill, flows, burnt = closed
+        after = None if fuel is None or burnt is None else self.fuel_after(fuel, burnt)
+        energy = self.after(energy, charge, discharge)
+        return Step(energy, cost, charge, discharge, spill, flows, after)
 
     def _in_order(self, prices: Floats) -> list[Priced]:
         """The order of these prices, or one per mode where a connection could earn in both."""

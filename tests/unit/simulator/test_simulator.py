@@ -209,7 +209,8 @@ def test_what_a_step_cannot_hold_is_refused_all_at_once() -> None:
     with pytest.raises(rs.UsageError, match=r"generator\.on.*generator\.up_left") as refused:
         Simulator(Microgrid.build(rs.load_case("ieee33-commitment"), "copperplate"), 0.25)
     assert refused.value.hint == (
-        "it steps cases without commitment, ramps, cost curves, switchable lines and line ratings"
+        "it steps cases without commitment, ramps, curves of cost or fuel, switchable lines and "
+        "line ratings"
     )
     with pytest.raises(rs.UsageError, match="steps copperplate physics, not lindistflow"):
         Simulator(Microgrid.build(rs.load_case("ieee33"), "lindistflow"), 0.25)
