@@ -17,6 +17,7 @@ from resilience.arrays import Floats
 from resilience.models.components import DeviceFleet, in_roles
 from resilience.models.simulator.arrays import Array, ArrayOps, array_ops
 from resilience.models.simulator.constants import Constant, Map
+from resilience.models.simulator.fuel import FuelLimits
 from resilience.models.simulator.plant import Plant, StorageSlot
 
 LEAST_MW = 1e-12  # in place of no power at all, in a quotient
@@ -29,7 +30,7 @@ class Needs(NamedTuple):
     Attributes:
         surplus: MW that PV has over.
         lack: MW of demand that PV leaves.
-        lack_beyond: MW that generators leave of that.
+        lack_beyond: MW that generators leave of that, with the fuel that they have.
         grid: whether it has a grid connection.
     """
 
@@ -102,16 +103,26 @@ class Anchors:
         fleets = self.plant.microgrid.fleets.values()
         return self._sums([(f, f.limit, 1.0) for f in in_roles(fleets, "dispatchable")])
 
-    def needs(self, data: Array, island: Array, slot: StorageSlot) -> Needs:
+    @cached_property
+    def _fuel(self) -> FuelLimits:
+        return FuelLimits(self.plant)
+
+    def needs(
+        self, data: Array, island: Array, slot: StorageSlot, fuel: Array | None = None
+    ) -> Needs:
         """What the islands of the units lack and have, which storage has no part in.
 
         Args:
             data: (n_data, batch) from `stacked`.
             island: (buses, batch) number of the island of every bus.
             slot: what it is to storage, from `Plant.storage_slot`.
+            fuel: (tanks, batch) m³ in every tank; None: generators have all they may burn.
         """
         ops, shape = array_ops(data), island.shape
         values = ops.wide(self.of_buses(ops, data), shape[-1]).reshape(3, *shape)
+        if fuel is not None:
+            net, able, grid = values
+            values = ops.stacked([net, able - self._fuel.lost(ops, data, fuel), grid])
         net, able, grid = ops.at_islands(ops.sums(values, island, len(island)), slot.island)
         lack = ops.positive(net)
         return Needs(ops.positive(-net), lack, ops.positive(lack - able), grid > 0)

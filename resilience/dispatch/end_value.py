@@ -6,6 +6,10 @@ than what another one could be bought for in the meantime:
 $$ V_t = \min\{b_t, \max\{s_t, V_{t+1}\}\}, \qquad b_t = c_t / \eta^\text{ch}, \qquad
    s_t = (c_t - \lambda)\, \eta^\text{dis}, \qquad V_T = v $$
 
+Fuel in a tank is worth what it cost, and its price is paid when it is burnt: what a window does not
+burn it does not pay for. So nothing is added for it at the end of a window, and nothing can refill
+it from the grid. `fuel_value` is what a m³ is worth beyond its price, where that is known better.
+
 It is what stands at the end of a dispatcher's horizon. Storms are left to those who look at them:
 within the horizon outages raise the value, behind it this is what a MWh is worth.
 
@@ -56,3 +60,11 @@ def stored_energy_value(case: Case, end_value_per_mwh: float) -> Floats:
     for t in range(case.slots - 1, -1, -1):
         value[:, t] = np.minimum(buy[:, t], np.maximum(sell[:, t], value[:, t + 1]))
     return value
+
+
+def fuel_value(case: Case) -> Floats:
+    """(tanks, slots + 1) $ per m³, beyond its price, held at the start of every slot and the end.
+
+    Nothing, whatever lies behind a window: prices alone say no more.
+    """
+    return np.zeros((len(case.tank), case.slots + 1))

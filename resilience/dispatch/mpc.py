@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.end_value import stored_energy_value
+from resilience.dispatch.end_value import fuel_value, stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.reserve import Reserve, reserve_price
-from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
+from resilience.dispatch.window_program import (
+    Answer,
+    WindowProgram,
+    WindowRequest,
+    WindowSteps,
+    fuel_of,
+)
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Action, Observation
 from resilience.simulation.setting import Setting
 
 PAPER_SLOTS = 8
@@ -31,6 +37,7 @@ class BlindMPC:
     Attributes:
         program: the window's, built once; it keeps its basis from one solve to the next.
         value: (units,) $ per MWh left at the end of the window.
+        fuel_value: (tanks,) $ per m³, beyond its price, left at the end of the window.
     """
 
     def __init__(
@@ -39,11 +46,12 @@ class BlindMPC:
         self.name = "mpc-blind"
         self.program = WindowProgram(merged_grid(setting.case), WindowSteps(slots, 0), 1)
         self.value = np.full(len(setting.case.ess), value_per_mwh)
+        self.fuel_value = np.zeros(len(setting.case.tank))
 
-    def act(self, observation: Observation) -> Floats:
+    def act(self, observation: Observation) -> Action:
         """The first slot of each scenario's window: (units, batch) charging power, MW."""
-        power = np.empty_like(observation.energy)
-        for k in range(power.shape[1]):
+        answer = Answer.blank(observation, self.program.burners)
+        for k in range(observation.energy.shape[1]):
             up = np.repeat(observation.line_up[:, [k]], self.program.steps.n, axis=1)
             request = WindowRequest(
                 observation.t,
@@ -52,9 +60,10 @@ class BlindMPC:
                 np.ones(1),
                 observation.forecast_of(k),
                 self.value,
+                fuel=fuel_of(observation, k, self.fuel_value),
             )
-            power[:, k] = self.program.decide(request)
-        return power
+            answer.note(k, self.program.decisions(request))
+        return answer.action
 
 
 class MPC:
@@ -75,6 +84,7 @@ class MPC:
         reserve: its rows and data.
         program: the window's, built once; it keeps its basis from one solve to the next.
         value: (units, slots + 1) $ per MWh stored at the start of every slot, and at the end.
+        fuel_value: (tanks, slots + 1) $ per m³ likewise, beyond its price.
         price: $ per MWh short of the reserve while the bus is cut off for certain.
         longest: slots of the longest outage that the belief allows.
     """
@@ -89,16 +99,17 @@ class MPC:
         self.reserve = Reserve(Microgrid.build(case, "copperplate"), setting.lines)
         self.program = WindowProgram(merged_grid(case), self.steps, 1, self.reserve)
         self.value = stored_energy_value(case, setting.end_value_per_mwh)
+        self.fuel_value = fuel_value(case)
         self.price = reserve_price(case)
         self.longest = self.belief.longest_slots
 
-    def act(self, observation: Observation) -> Floats:
+    def act(self, observation: Observation) -> Action:
         """The first slot of each scenario's window: (units, batch) charging power, MW."""
         self.memory.update(observation)
-        power = np.empty_like(observation.energy)
-        for k in range(power.shape[1]):
-            power[:, k] = self.program.decide(self._request(observation, k))
-        return power
+        answer = Answer.blank(observation, self.program.burners)
+        for k in range(observation.energy.shape[1]):
+            answer.note(k, self.program.decisions(self._request(observation, k)))
+        return answer.action
 
     def _request(self, observation: Observation, k: int) -> WindowRequest:
         """What the program is asked in scenario k."""
@@ -117,6 +128,7 @@ class MPC:
             observation.forecast_of(k),
             self.value[:, end],
             self._reserve(observation, k),
+            fuel_of(observation, k, self.fuel_value[:, end]),
         )
 
     def _reserve(self, observation: Observation, k: int) -> tuple[Floats, Floats]:

@@ -64,4 +64,5 @@ class Rule:
 def _actions(anchors: Anchors, observation: Observation) -> Actions:
     data, island = observation.data, observation.island
     slot = anchors.plant.storage_slot(data, island)
-    return anchors.actions(observation.energy, slot, anchors.needs(data, island, slot))
+    needs = anchors.needs(data, island, slot, observation.fuel)
+    return anchors.actions(observation.energy, slot, needs)

@@ -10,20 +10,22 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.dispatch.distinct_paths import distinct_paths
-from resilience.dispatch.end_value import stored_energy_value
+from resilience.dispatch.end_value import fuel_value, stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.window_program import (
     RISK_NEUTRAL,
+    Answer,
     WindowProgram,
     WindowRequest,
     WindowSteps,
     check_storage,
+    fuel_of,
 )
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
 from resilience.models.program.risk import Risk
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Action, Observation
 from resilience.simulation.setting import Setting
 
 
@@ -44,6 +46,7 @@ class Stochastic:
         merged: the microgrid, its like devices joined.
         memory: of line failures; to be updated once in every slot.
         value: (units, slots + 1) $ per MWh stored at the start of every slot, and at the end.
+        fuel_value: (tanks, slots + 1) $ per m³ likewise, beyond its price.
         programs: by number of paths, each built when it is first needed; they keep their bases.
     """
 
@@ -68,14 +71,16 @@ class Stochastic:
         self.merged = merged_grid(setting.case)
         self.memory = Memory(setting, self.belief.daily)
         self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
+        self.fuel_value = fuel_value(setting.case)
+        self.burners = sum(unit.tank is not None for unit in setting.case.generator)
         self.programs: dict[int, WindowProgram] = {}
 
-    def act(self, observation: Observation) -> Floats:
+    def act(self, observation: Observation) -> Action:
         """The common first slot of every scenario's program: (units, batch) charging power, MW."""
         self.memory.update(observation)
         end = min(observation.t + self.steps.horizon, self.setting.case.slots)
-        power = np.empty_like(observation.energy)
-        for k in range(power.shape[1]):
+        answer = Answer.blank(observation, self.burners)
+        for k in range(observation.energy.shape[1]):
             up, probability = self._paths(observation, k)
             request = WindowRequest(
                 observation.t,
@@ -84,9 +89,10 @@ class Stochastic:
                 probability,
                 observation.forecast_of(k),
                 self.value[:, end],
+                fuel=fuel_of(observation, k, self.fuel_value[:, end]),
             )
-            power[:, k] = self._program(len(probability)).decide(request)
-        return power
+            answer.note(k, self._program(len(probability)).decisions(request))
+        return answer.action
 
     def _paths(self, observation: Observation, k: int) -> tuple[Bools, Floats]:
         """(lines of the case, steps, paths) status and (paths,) probability of different paths.

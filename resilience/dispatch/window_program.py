@@ -27,12 +27,12 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.simulation.observation import Forecast
+from resilience.simulation.observation import Action, Forecast, Observation, Rationed
 
 RISK_NEUTRAL = Risk()
 """Nothing but the mean counts."""
 
-POWER_UNITS = ("MW", "Mvar")
+POWER_UNITS = ("MW", "Mvar", "m³/h")
 """Units of data that shrink with the part of a step that lies within the horizon."""
 
 
@@ -100,6 +100,8 @@ class WindowRequest:
         value: (units,) $ per MWh left at the end of the steps.
         reserve: level in MWh and price in $/MWh, (buses with storage, steps) each, where there is
             one.
+        fuel: m³ in every tank, and $ per m³, beyond its price, of what is left at the end of the
+            steps, (tanks,) each; None without tanks.
     """
 
     t: int
@@ -109,6 +111,53 @@ class WindowRequest:
     forecast: Forecast
     value: Floats
     reserve: tuple[Floats, Floats] | None = None
+    fuel: tuple[Floats, Floats] | None = None
+
+    @property
+    def states(self) -> dict[str, Floats]:
+        """Energy and fuel at the start, by the names of the states."""
+        fuel = {} if self.fuel is None else {"tank.level": self.fuel[0]}
+        return {"ess.energy": self.energy, **fuel}
+
+    @property
+    def end_values(self) -> Floats:
+        """(units and tanks,) $ per MWh and per m³ at the end of the steps."""
+        return self.value if self.fuel is None else np.concatenate([self.value, self.fuel[1]])
+
+
+def fuel_of(observation: Observation, k: int, value: Floats) -> tuple[Floats, Floats] | None:
+    """Fuel of scenario k with its value (tanks,) at the end, as a request has them."""
+    return None if observation.fuel is None else (observation.fuel[:, k], value)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Decisions for a batch, scenario by scenario.
+
+    Attributes:
+        power: (units, batch) charging power, MW.
+        burner_mw: (burners, batch) MW of generators with a tank; None without tanks.
+    """
+
+    power: Floats
+    burner_mw: Floats | None
+
+    @classmethod
+    def blank(cls, observation: Observation, burners: int) -> Answer:
+        """Room for the decisions of a slot; `burners` are generators with a tank."""
+        power = np.empty_like(observation.energy)
+        return cls(power, np.empty((burners, power.shape[1])) if burners else None)
+
+    def note(self, k: int, decisions: tuple[Floats, Floats]) -> None:
+        """Writes what is decided in scenario k, see `WindowProgram.decisions`."""
+        self.power[:, k] = decisions[0]
+        if self.burner_mw is not None:
+            self.burner_mw[:, k] = decisions[1]
+
+    @property
+    def action(self) -> Action:
+        """What a dispatcher answers."""
+        return self.power if self.burner_mw is None else Rationed(self.power, self.burner_mw)
 
 
 def check_storage(case: Case) -> None:
@@ -139,6 +188,7 @@ class WindowProgram:
         solver: holds it, and its basis between solves.
         step_of: (nodes,) step of every node of the tree.
         path_of: (nodes,) path of every node; 0 for the common slot.
+        burners: how many generators of the case burn from a tank.
         final_price_per_mwh: of what storage lacks of `soc_final_min` at the end of the horizon,
             that of the dearest load: no outage leaves the program without a solution.
     """
@@ -171,10 +221,18 @@ class WindowProgram:
         self.step_of = np.append(0, np.tile(later, paths))
         self.path_of = np.append(0, np.repeat(np.arange(paths), len(later)))
         ends = standard.tree.leaves
-        self._end = standard.columns("ess.energy")[:, ends]
+        state_names = [name for name in ("ess.energy", "tank.level") if standard.has(name)]
+        self._end = np.concatenate([standard.columns(name)[:, ends] for name in state_names])
         self._first = [standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
+        self.burners, none = len(merged.burner_shares), np.empty(0, np.intp)
+        self._generators = standard.columns("generator.p")[:, 0] if self.burners else none
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
+
+    def _burner_mw(self, z: Floats) -> Floats:
+        """(burners,) MW of generators with a tank in the first slot."""
+        shares = self.merged.burner_shares
+        return shares @ z[self._generators] if self.burners else np.empty(0)
 
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
@@ -217,27 +275,31 @@ class WindowProgram:
     def vectors(self, request: WindowRequest, data: dict[str, Floats] | None = None) -> Vectors:
         """All numbers of the program for a request; `data` if its data are there already."""
         data = self.data(request) if data is None else data
-        vectors = self.standard.vectors(data, {"ess.energy": request.energy})
+        vectors = self.standard.vectors(data, request.states)
         shared = self._column_path < 0
         # The tree was built with equally likely paths.
         weight = np.where(shared, 1.0, self.paths * request.probability[self._column_path])
         vectors.cost *= weight
-        vectors.cost[self._end] -= request.probability * request.value[:, None]
+        vectors.cost[self._end] -= request.probability * request.end_values[:, None]
         return vectors
 
-    def _worth(self, value: Floats) -> sp.csr_array:
-        """(paths, columns) $ per MWh left at the end of every path, as a cost."""
-        units, paths = self._end.shape
-        places = (np.tile(np.arange(paths), units), self._end.ravel())
+    def _worth(self, values: Floats) -> sp.csr_array:
+        """(paths, columns) $ per MWh and m³ left at the end of every path, as a cost."""
+        states, paths = self._end.shape
+        places = (np.tile(np.arange(paths), states), self._end.ravel())
         shape = (paths, self.standard.n_columns)
-        return sp.csr_array((np.repeat(-value, paths), places), shape=shape)
+        return sp.csr_array((np.repeat(-values, paths), places), shape=shape)
 
     def decide(self, request: WindowRequest) -> Floats:
         """(units,) charging power in the first slot, MW; negative is discharging."""
+        return self.decisions(request)[0]
+
+    def decisions(self, request: WindowRequest) -> tuple[Floats, Floats]:
+        """In the first slot (units,) charging, and (burners,) power of burners, MW."""
         data = self.data(request)
         if isinstance(self.solver, RiskAverse):
             self.solver.weigh(request.probability)
-            self.solver.price(data, self._worth(request.value))
+            self.solver.price(data, self._worth(request.end_values))
         self.solver.update(self.vectors(request, data))
         z = self.solver.solve().point
-        return z[self._first[0]] - z[self._first[1]]
+        return z[self._first[0]] - z[self._first[1]], self._burner_mw(z)

@@ -19,7 +19,7 @@ from resilience.models.backends.lower import lower
 from resilience.models.case_program import terminal_cuts
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Action, Observation, Rationed
 from resilience.simulation.world import World
 
 LONG_HORIZON_OPTIONS = {"simplex_dual_edge_weight_strategy": -1}
@@ -33,10 +33,12 @@ class Bound:
     Attributes:
         objective: (scenarios,) $: cost less the worth of the energy left, proven from multipliers.
         charging: (units, slots, scenarios) MW, the decisions that reach it.
+        burner_mw: (burners, slots, scenarios) MW of generators with a tank; None without tanks.
     """
 
     objective: Floats
     charging: Floats
+    burner_mw: Floats | None = None
 
 
 def clairvoyant(world: World) -> Bound:
@@ -50,6 +52,8 @@ def clairvoyant(world: World) -> Bound:
     case, n = world.microgrid.case, world.scenarios.n
     objective = np.zeros(n)
     charging = np.zeros((len(case.ess), case.slots, n))
+    burners = sum(unit.tank is not None for unit in case.generator)
+    burner_mw = np.zeros((burners, case.slots, n)) if burners else None
     spans = np.split(np.arange(case.slots), world.ends[:-1] + 1)
     programs: dict[int, _BoundProgram] = {}
     for slots in spans:
@@ -58,9 +62,11 @@ def clairvoyant(world: World) -> Bound:
         program = programs[len(slots)]
         program.solve_calm(slots)
         for k in range(n):
-            bound, charging[:, slots, k] = program.solve(slots, k)
+            bound, charging[:, slots, k], power = program.solve(slots, k)
             objective[k] += bound
-    return Bound(objective, charging)
+            if burner_mw is not None:
+                burner_mw[:, slots, k] = power
+    return Bound(objective, charging, burner_mw)
 
 
 class _BoundProgram:
@@ -70,7 +76,7 @@ class _BoundProgram:
         self.world, case = world, world.microgrid.case
         # Buses can be merged where lines carry anything.
         is_lossless = world.microgrid.physics == "copperplate"
-        self.merged = merged_grid(case) if is_lossless else MergedGrid(world.microgrid, {})
+        self.merged = merged_grid(case) if is_lossless else MergedGrid.as_it_is(world.microgrid)
         microgrid = self.merged.microgrid
         tree = Tree.chain([f"t{t}" for t in range(slots)])
         cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
@@ -79,6 +85,8 @@ class _BoundProgram:
         self.solver = Highs(lower(self.standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)
         nothing = np.empty((0, slots), np.intp)
+        self.shares = self.merged.burner_shares
+        self.generators = self.standard.columns("generator.p") if len(self.shares) else nothing
         self.storage = [
             self.standard.columns(f"ess.{way}") if microgrid.case.ess else nothing
             for way in ("charge", "discharge")
@@ -92,8 +100,10 @@ class _BoundProgram:
         self.solver.solve()
         self.basis = self.solver.basis()
 
-    def solve(self, slots: Ints, k: int) -> tuple[float, Floats]:
-        """A proven bound on what scenario k costs, $, and (units, slots) its charging, MW."""
+    def solve(self, slots: Ints, k: int) -> tuple[float, Floats, Floats]:
+        """A proven bound on what scenario k costs, $, (units, slots) its charging, and (burners,
+        slots) what its generators with a tank give, MW.
+        """
         world = self.world
         names = [None, *world.microgrid.case.profiles]
         every = np.arange(world.microgrid.case.slots)
@@ -102,7 +112,9 @@ class _BoundProgram:
         self.solver.start_at(self.basis)
         solution = self.solver.solve()
         charge, discharge = (solution.point[columns] for columns in self.storage)
-        return self.solver.certified_bound(solution), charge - discharge
+        bound = self.solver.certified_bound(solution)
+        power = solution.point[self.generators]
+        return bound, charge - discharge, self.shares @ power if len(self.shares) else power[:0]
 
     def _update(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
         microgrid = self.merged.microgrid
@@ -114,9 +126,12 @@ class _BoundProgram:
 class Replay:
     """Does what was decided in advance: a plan's decisions, or the clairvoyant's."""
 
-    def __init__(self, name: str, charging: Floats) -> None:
-        self.name, self.charging = name, charging
+    def __init__(self, name: str, charging: Floats, burner_mw: Floats | None = None) -> None:
+        self.name, self.charging, self.burner_mw = name, charging, burner_mw
 
-    def act(self, observation: Observation) -> Floats:
-        """(units, batch) the decisions of slot t."""
-        return self.charging[:, observation.t]
+    def act(self, observation: Observation) -> Action:
+        """(units, batch) the decisions of slot t, with those of generators with a tank if any."""
+        power = self.charging[:, observation.t]
+        return (
+            power if self.burner_mw is None else Rationed(power, self.burner_mw[:, observation.t])
+        )

@@ -54,8 +54,10 @@ def save_report(
         per_day(judged).to_parquet(target / "per_day.parquet")
         (target / "slots").mkdir()
         units = [unit.name for unit in judged.case.ess]
+        tanks = [tank.name for tank in judged.case.tank]
         for name, trajectory in judged.trajectories.items():
-            trajectory.frame(units).to_parquet(target / "slots" / f"{name}.parquet")
+            frame = trajectory.frame(units, tanks)
+            frame.to_parquet(target / "slots" / f"{name}.parquet")
         save_trajectories(judged.trajectories, target)
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
 
 import numpy as np
 
-from resilience.arrays import Floats
 from resilience.dispatch.registry import factory_of, is_batched
 from resilience.errors import UsageError
-from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.observation import (
+    Action,
+    Dispatcher,
+    Observation,
+    Rationed,
+    parts_of,
+)
 from resilience.simulation.setting import Setting
 
 FALLBACKS = {"idle": "idle", "rule": "rule-0.9"}
@@ -33,12 +37,12 @@ class WithFailed:
         self.inner, self.outer, self.failed = inner, outer, failed[:, None]
         self.name = f"{inner.name} without {', '.join(names)}"
 
-    def act(self, observation: Observation) -> Floats:
-        """(units, batch) MW."""
-        return cast(
-            "Floats",
-            np.where(self.failed, self.outer.act(observation), self.inner.act(observation)),
-        )
+    def act(self, observation: Observation) -> Action:
+        """(units, batch) MW; fuel is rationed as the inner one does."""
+        inner, burner_mw = parts_of(self.inner.act(observation))
+        outer, _ = parts_of(self.outer.act(observation))
+        power = np.where(self.failed, outer, inner)
+        return power if burner_mw is None else Rationed(power, burner_mw)
 
 
 class FailedEntry:

@@ -2,9 +2,9 @@
 stage and not by what stepped it.
 
 Every slot of every scenario is held against the stage's own numbers: limits of what was dispatched,
-the dynamics of storage, the balance of every island, and the price of it all. Violations are scaled
-as in `models.program.referee`. What flows on lines, voltages and reactive power are not part of a
-trajectory; rows that need them are not judged here, AC power flow (`--ac`) does.
+the dynamics of storage and tanks, the balance of every island, and the price of it all. Violations
+are scaled as in `models.program.referee`. What flows on lines, voltages and reactive power are not
+part of a trajectory; rows that need them are not judged here, AC power flow (`--ac`) does.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import CertificateError
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
-from resilience.models.structures import Split
+from resilience.models.simulator.arrays import array_ops
+from resilience.models.simulator.plant import DELIVERY, LEVEL, STATE
+from resilience.models.structures import Largest, Split
 from resilience.simulation.slots import NODES, stretch_data
 from resilience.tolerances import AUDIT_TOLERANCE, BOUND_TOLERANCE
 
@@ -56,6 +58,7 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
     """
     simulator, n = world.simulator, world.scenarios.n
     slots, units = world.microgrid.case.slots, len(simulator.units)
+    tanks = len(simulator.tanks)
     shapes = {
         "cost": (slots, n),
         "energy": (units, slots + 1, n),
@@ -64,6 +67,7 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
         "spill": (slots, n),
         "left_mwh": (n,),
         "proven": (n,),
+        "fuel": (tanks, slots + 1, n),
     }
     for name, shape in shapes.items():
         array = getattr(trajectory, name)
@@ -73,6 +77,8 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
             raise _impossible(trajectory, f"{name} has the shape {np.shape(array)}, not {shape}")
         if not np.isfinite(array).all():
             raise _impossible(trajectory, f"{name} holds values that are no numbers")
+    if tanks and trajectory.fuel is None:
+        raise _impossible(trajectory, "it tells nothing of fuel")
     if trajectory.columns != simulator.columns:
         raise _impossible(trajectory, f"its sources are {', '.join(trajectory.columns)}")
     if trajectory.step_h != world.microgrid.case.step_h:
@@ -94,6 +100,9 @@ def audit_trajectory(world: World, trajectory: Trajectory) -> Audit:
     """
     judged = _Judged(world, trajectory)
     judged.note("start", (trajectory.energy[:, 0] - world.start())[:, None], np.zeros(1, np.intp))
+    fuel = world.setting.start_fuel()
+    if fuel is not None and trajectory.fuel is not None:
+        judged.note("start", (trajectory.fuel[:, 0] - fuel)[:, None], np.zeros(1, np.intp))
     size = max(NODES // max(world.scenarios.n, 1), 1)
     for first in range(0, world.microgrid.case.slots, size):
         judged.judge(np.arange(first, min(first + size, world.microgrid.case.slots)))
@@ -122,17 +131,30 @@ class _Judged:
     def __post_init__(self) -> None:
         plant = self.world.simulator
         self.form, stored = plant.form, [*plant.stored]
-        now, after = np.arange(self.form.n_now), np.empty(0, np.intp)
-        if plant.units:
-            after = plant.positions("ess.energy")
-        self.places = np.concatenate([now, after, *stored, plant.sources])
+        now, none = np.arange(self.form.n_now), np.empty(0, np.intp)
+        energy = plant.positions(STATE) if plant.units else none
+        level = plant.positions(LEVEL) if plant.tanks else none
+        self.places = np.concatenate([now, energy, level, *stored, plant.sources])
+        self.fixed_by_data = self._fixed_by_data()
         hidden = np.ones(self.form.n_columns, bool)
-        hidden[self.places] = False
+        hidden[self.places] = hidden[self.fixed_by_data] = False
         self.matrix = self.form.a.tocsr()
         touches: Floats = abs(self.matrix) @ hidden.astype(float)
         balance = np.zeros(self.form.n_rows, bool)
         balance[plant.balance_rows] = True
         self.rows: Ints = np.flatnonzero((touches == 0) & ~balance)
+        self.structures = [
+            (structure, matrices)
+            for structure, matrices in self.form.structures
+            if isinstance(structure, Split | Largest)
+            and not any((abs(m) @ hidden.astype(float)).any() for m in matrices)
+        ]
+
+    def _fixed_by_data(self) -> Ints:
+        """Columns that data hold at a value, as deliveries."""
+        form = self.form
+        columns = [form.columns(block) for block in form.own_blocks if block.name == DELIVERY]
+        return np.concatenate([np.empty(0, np.intp), *columns])
 
     def note(self, name: str, violation: Floats, slots: Ints, labels: tuple[str, ...] = ()) -> None:
         """Takes in violations (elements, slots, scenarios) of one name."""
@@ -156,18 +178,16 @@ class _Judged:
         stacked = np.broadcast_to(world.simulator.stacked(data), (self.form.n_data, len(slots) * n))
         z = self._point(slots)
         low, high, sides, prices = self.form.numbers(stacked)
+        z[self.fixed_by_data] = low[self.fixed_by_data - self.form.n_now]
         shape = (-1, len(slots), n)
         self._judge_bounds(z, low, high, slots)
         self._judge_rows(z, sides, slots)
         self._judge_balance(z, sides, np.asarray(situation.island), slots)
-        for structure, matrices in self.form.structures:
-            if isinstance(structure, Split):
-                args = [
-                    m @ z + a.const[:, None] for m, a in zip(matrices, structure.args, strict=True)
-                ]
-                limits = [np.asarray(limit)[:, None] for limit in structure.limits]
-                violation = structure.violation(args, limits).reshape(shape)
-                self.note(structure.name, violation, slots, tuple(structure.labels))
+        for structure, matrices in self.structures:
+            args = [m @ z + a.const[:, None] for m, a in zip(matrices, structure.args, strict=True)]
+            limits = [np.asarray(limit)[:, None] for limit in structure.limits]
+            violation = structure.violation(args, limits).reshape(shape)
+            self.note(structure.name, violation, slots, tuple(structure.labels))
         spent = (prices * z).sum(0) + self.form.offsets(stacked)
         reach = np.abs(prices).max(axis=0, initial=0.0) * np.abs(z).max(axis=0, initial=0.0)
         stated = self.trajectory.cost[slots].ravel()
@@ -178,9 +198,13 @@ class _Judged:
     def _point(self, slots: Ints) -> Floats:
         """(columns of the form, slots * scenarios) what is known of the stage's columns, else 0."""
         run = self.trajectory
+        nothing = np.empty((0, len(slots), run.n))
+        fuel = nothing if run.fuel is None else run.fuel[:, slots]
         parts = [
             run.energy[:, slots],
+            fuel,
             self._after(slots),
+            nothing if run.fuel is None else self._fuel_after(run.fuel, slots),
             np.maximum(-run.storage[:, slots], 0.0),
             np.maximum(run.storage[:, slots], 0.0),
             run.flows[:, slots],
@@ -199,6 +223,16 @@ class _Judged:
         charge, discharge = (np.maximum(sign * run.storage[:, slots], 0.0) for sign in (-1.0, 1.0))
         filled = run.energy[:, slots] + plant.gain[:, :, None] * charge
         after[:, reset] = (filled - plant.drain[:, :, None] * discharge)[:, reset]
+        return after
+
+    def _fuel_after(self, fuel: Floats, slots: Ints) -> Floats:
+        """(tanks, slots, scenarios) fuel at the end; where it is reset, what was burnt leaves."""
+        run, plant = self.trajectory, self.world.simulator
+        after: Floats = fuel[:, slots + 1].copy()
+        for k in np.flatnonzero(np.isin(slots, self.world.ends[:-1])):
+            data = self.world.slot(int(slots[k])).stacked
+            available = fuel[:, slots[k]] + plant.delivered(array_ops(data), data)
+            after[:, k] = plant.fuel_after(available, plant.fuel_per_mw @ run.flows[:, slots[k]])
         return after
 
     def _judge_bounds(self, z: Floats, low: Floats, high: Floats, slots: Ints) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from resilience.arrays import Bools, Floats, Ints
 
@@ -27,6 +27,7 @@ class Observation:
             on, (len(slots), batch): true now, expected later.
         data: (n_data, batch) demand, weather, prices and limits of the slot as they are, stacked
             as `Simulator.stacked` does.
+        fuel: (tanks, batch) m³ in every tank, in the order of `case.tank`; None without tanks.
     """
 
     t: int
@@ -36,10 +37,33 @@ class Observation:
     centre: Ints
     forecast: Forecast
     data: Floats
+    fuel: Floats | None = None
 
     def forecast_of(self, k: int) -> Forecast:
         """The forecast of scenario k alone, (len(slots),)."""
         return lambda name, slots: self.forecast(name, slots)[:, k]
+
+
+class Rationed(NamedTuple):
+    """An action that says what generators with a tank may give, too, so that fuel is kept.
+
+    Attributes:
+        power: (units, batch) charging power, MW, negative when discharging.
+        burner_mw: (burners, batch) MW that each of these generators may give in the slot, in the
+            order of `case.generator`.
+    """
+
+    power: Floats
+    burner_mw: Floats
+
+
+Action = Floats | Rationed
+"""(units, batch) charging power in MW, negative when discharging, with fuel rationed or not."""
+
+
+def parts_of(action: Action) -> tuple[Floats, Floats | None]:
+    """Charging power, and what generators with a tank may give if that is said."""
+    return (action.power, action.burner_mw) if isinstance(action, Rationed) else (action, None)
 
 
 class Dispatcher(Protocol):
@@ -70,8 +94,10 @@ class Dispatcher(Protocol):
 
     name: str
 
-    def act(self, observation: Observation, /) -> Floats:
+    def act(self, observation: Observation, /) -> Action:
         """(units, batch) charging power in MW, negative when discharging.
+
+        Where there are tanks, it may be `Rationed`; if not, fuel is burnt as merit asks.
 
         Args:
             observation: of the slot; do not change its arrays.

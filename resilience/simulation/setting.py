@@ -52,6 +52,12 @@ class Setting:
         """Scenarios that are decided for at once."""
         return len(self.numbers)
 
+    def start_fuel(self) -> Floats | None:
+        """(tanks, batch) m³ in every tank at the start; None without tanks."""
+        if self.microgrid.tanks is None:
+            return None
+        return np.repeat(self.microgrid.start()["tank.level"][:, None], self.n, axis=1)
+
     def start(self) -> Floats:
         """(units, batch) MWh stored at the start."""
         energy = self.microgrid.start().get("ess.energy", np.empty(0))

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from resilience.simulation.audit import check_trajectory
-from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.observation import Dispatcher, Observation, parts_of
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 
@@ -29,27 +29,33 @@ def simulate(
     """
     case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
     energy = start = world.start()
+    fuel = start_fuel = world.setting.start_fuel()
     credited = np.zeros(n)
     trajectory = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
     trajectory.energy[:, 0] = energy
+    if trajectory.fuel is not None:
+        trajectory.fuel[:, 0] = fuel
     seconds = cpu = 0.0
     ends = set(world.ends.tolist())
     for t in range(case.slots):
         slot, up = world.slot(t, energy), world.line_up[:, t]
         observation = Observation(
-            t, energy, up, slot.island, world.centre(t), world.forecast(t), slot.stacked
+            t, energy, up, slot.island, world.centre(t), world.forecast(t), slot.stacked, fuel
         )
         began = time.perf_counter(), time.process_time()
-        action = dispatcher.act(observation)
+        power, burner_mw = parts_of(dispatcher.act(observation))
         seconds += time.perf_counter() - began[0]
         cpu += time.process_time() - began[1]
-        step = simulator.step(energy, action, slot.stacked, slot.island)
+        step = simulator.step(energy, power, slot.stacked, slot.island, fuel, burner_mw)
         trajectory.record(t, step)
-        energy = step.energy
+        energy, fuel = step.energy, step.fuel
         if t in ends:
             credited += energy.sum(0)
-            energy = start if t + 1 < case.slots else energy
+            if t + 1 < case.slots:
+                energy, fuel = start, start_fuel
         trajectory.energy[:, t + 1] = energy
+        if trajectory.fuel is not None:
+            trajectory.fuel[:, t + 1] = fuel
         if on_slot is not None:
             on_slot()
     done = replace(trajectory, left_mwh=credited, seconds=seconds, cpu_seconds=cpu)

@@ -35,6 +35,8 @@ class Trajectory:
             midnight where the state of charge is reset; None: at the end.
         cpu_seconds: of the processor for all decisions.
         build_seconds, build_cpu_seconds: to make the dispatcher once.
+        fuel: (tanks, slots + 1, scenarios) m³ at the start of every slot, and at the end; None
+            without tanks.
         proven: (scenarios,) $ that no method can stay below; of the clairvoyant only.
     """
 
@@ -52,11 +54,12 @@ class Trajectory:
     build_seconds: float = 0.0
     build_cpu_seconds: float = 0.0
     proven: Floats | None = None
+    fuel: Floats | None = None
 
     @classmethod
     def blank(cls, name: str, columns: tuple[str, ...], case: Case, n: int) -> Trajectory:
         """Room for `n` scenarios over the horizon of a case."""
-        units, slots = len(case.ess), case.slots
+        units, slots, tanks = len(case.ess), case.slots, len(case.tank)
         return cls(
             name,
             cost=np.zeros((slots, n)),
@@ -68,6 +71,7 @@ class Trajectory:
             seconds=0.0,
             spill=np.zeros((slots, n)),
             left_mwh=np.zeros(n),
+            fuel=np.zeros((tanks, slots + 1, n)) if tanks else None,
         )
 
     def record(self, t: int, step: Step) -> None:
@@ -107,13 +111,16 @@ class Trajectory:
         """(scenarios,) $: cost less what the energy left is worth."""
         return self.cost.sum(0) - value_per_mwh * self.credited_mwh
 
-    def frame(self, units: Sequence[str]) -> pd.DataFrame:
+    def frame(self, units: Sequence[str], tanks: Sequence[str] = ()) -> pd.DataFrame:
         """A row per episode and slot: $, MWh stored at its start, and MW of every device.
+
+        Of tanks the m³ at its start.
 
         Storage feeds in when positive; the other columns are called as in the model.
 
         Args:
             units: names of the storage units.
+            tanks: names of the tanks.
         """
         import pandas as pd
 
@@ -121,6 +128,8 @@ class Trajectory:
         index = pd.MultiIndex.from_product([range(n), range(slots)], names=["episode", "slot"])
         columns = {"cost": self.cost}
         columns |= {f"energy[{name}]": self.energy[k, :-1] for k, name in enumerate(units)}
+        if self.fuel is not None:
+            columns |= {f"fuel[{name}]": self.fuel[k, :-1] for k, name in enumerate(tanks)}
         columns |= {f"storage[{name}]": self.storage[k] for k, name in enumerate(units)}
         columns |= {name: self.flows[k] for k, name in enumerate(self.columns)}
         if self.spill is not None:
@@ -141,7 +150,7 @@ def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
         arrays = [getattr(trajectory, name) for trajectory in trajectories]
         return None if arrays[0] is None else np.concatenate(arrays, axis=-1)
 
-    names = ("cost", "energy", "storage", "flows", "spill", "left_mwh", "proven")
+    names = ("cost", "energy", "storage", "flows", "spill", "left_mwh", "proven", "fuel")
     arrays: dict[str, Any] = {name: concatenated(name) for name in names}
     return replace(
         trajectories[0],

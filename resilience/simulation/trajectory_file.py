@@ -85,7 +85,7 @@ def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
     if not isinstance(columns, tuple) or np.ndim(cost) != 2:
         return False
     slots, n = np.shape(cost)
-    units = np.shape(values["energy"])[:1]
+    units, tanks = np.shape(values["energy"])[:1], np.shape(values.get("fuel", 0))[:1]
     shapes = {
         "cost": (slots, n),
         "energy": (*units, slots + 1, n),
@@ -94,6 +94,7 @@ def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
         "spill": (slots, n),
         "left_mwh": (n,),
         "proven": (n,),
+        "fuel": (*tanks, slots + 1, n),
     }
     numbers = {f for f in values if f not in ("name", "columns")}
     return (

@@ -13,7 +13,7 @@ from resilience.case import Case
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.simulation.forecast import ForecastError, sample_outlook
-from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.observation import Action, Dispatcher, Observation, parts_of
 from resilience.simulation.setting import Setting
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
@@ -121,25 +121,37 @@ def with_another_future(world: World, slot: int) -> World:
 class _Recorder:
     """Passes observations on to a dispatcher and notes its actions."""
 
-    def __init__(self, dispatcher: Dispatcher) -> None:
+    def __init__(self, dispatcher: Dispatcher, case: Case) -> None:
         self.name, self.dispatcher = dispatcher.name, dispatcher
+        self.burners = sum(unit.tank is not None for unit in case.generator)
         self.actions: list[Floats] = []
 
-    def act(self, observation: Observation) -> Floats:
+    def act(self, observation: Observation) -> Action:
         """The dispatcher's action, if it is one."""
         action = self.dispatcher.act(observation)
+        power, burner_mw = parts_of(action)
         shape = observation.energy.shape
-        assert np.shape(action) == shape, (
-            f"{self.name}: action of shape {np.shape(action)}; allowed: {shape}, (units, batch)"
+        assert np.shape(power) == shape, (
+            f"{self.name}: action of shape {np.shape(power)}; allowed: {shape}, (units, batch)"
         )
-        assert np.isfinite(action).all(), f"{self.name}: action {action}; allowed: finite MW"
-        self.actions.append(np.array(action, float))
+        assert np.isfinite(power).all(), f"{self.name}: action {power}; allowed: finite MW"
+        if burner_mw is None:
+            self.actions.append(np.array(power, float))
+            return action
+        allowed = (self.burners, shape[1])
+        assert np.shape(burner_mw) == allowed, (
+            f"{self.name}: burner_mw of shape {np.shape(burner_mw)}; allowed: {allowed}, "
+            "(generators with a tank, batch)"
+        )
+        finite = np.isfinite(burner_mw).all()
+        assert finite, f"{self.name}: burner_mw {burner_mw}; allowed: finite MW"
+        self.actions.append(np.concatenate([power, burner_mw]))
         return action
 
 
 def _run(make_dispatcher: DispatcherFactory, world: World) -> tuple[Trajectory, Floats]:
     """What a fresh dispatcher does, and its actions, (slots, units, batch)."""
-    recorder = _Recorder(make_dispatcher(world.setting))
+    recorder = _Recorder(make_dispatcher(world.setting), world.microgrid.case)
     trajectory = simulate(world, recorder)
     return trajectory, np.array(recorder.actions)
 

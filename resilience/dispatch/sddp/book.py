@@ -161,6 +161,12 @@ def _check_case(case: Case, lines: Sequence[str]) -> None:
             f"sddp: case {case.name!r} has {len(lines)} breakpoints; allowed: up to {MAX_LINES}",
             hint="`stochastic` samples outages instead of listing their combinations",
         )
+    if case.tank:
+        names = ", ".join(tank.name for tank in case.tank)
+        raise UsageError(
+            f"sddp: case {case.name!r} has the tanks {names}; allowed: none, its cuts know no fuel",
+            hint="`mpc` and `stochastic` carry fuel",
+        )
     if not case.ess:
         raise UsageError(
             f"sddp: case {case.name!r} has no storage; allowed: one unit or more",

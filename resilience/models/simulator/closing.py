@@ -96,14 +96,19 @@ class ReadyOrder:
         return cls(way, need, room, before, data, island, load, fuelled)
 
     def closed(
-        self, request: tuple[Array, Array], units: Array, fuel: Array | None = None
+        self,
+        request: tuple[Array, Array],
+        units: Array,
+        fuel: Array | None = None,
+        burner_mw: Array | None = None,
     ) -> Closed:
         """Every island closed, storage doing what is requested or less.
 
         Args:
             request: (units, batch) MW of charging and of discharging.
             units: (units, batch) number of the island of every unit.
-            fuel: (tanks, batch) m³ that may be burnt; None without tanks.
+            fuel: (tanks, batch) m³ that is there; None without tanks.
+            burner_mw: (burners, batch) MW that burners may give; None: what they can.
         """
         charge, discharge = request
         ops, n = array_ops(charge), len(self.need)
@@ -112,46 +117,62 @@ class ReadyOrder:
             return self._closed(ops, request, units, need)
         if self.fuelled is None:
             return self._closed(ops, request, units, need)._replace(burnt=fuel * 0.0)
-        order, power = self._within(ops, need, fuel, self.fuelled)
-        burnt = self.fuelled.burners.burnt(ops, power)
-        return order._closed(ops, request, units, need)._replace(burnt=burnt)
+        order, burnt = self._within(ops, need, fuel, self.fuelled, burner_mw)
+        closed = order._closed(ops, request, units, need)
+        return closed._replace(burnt=self.fuelled.burners.total(ops, burnt))
 
     def _within(
-        self, ops: ArrayOps, need: Array, fuel: Array, unlimited: Fuelled
+        self,
+        ops: ArrayOps,
+        need: Array,
+        fuel: Array,
+        unlimited: Fuelled,
+        burner_mw: Array | None,
     ) -> tuple[ReadyOrder, Array]:
-        """The order with as much room as there is fuel for, and (burners, batch) MW of burners.
+        """The order with as much room as there is fuel for, and (burners, batch) m³ burnt.
 
         Args:
             ops: operations for the kind of array.
             need: (buses, batch) MW.
             fuel: (tanks, batch) m³.
             unlimited: the burners with all of their fuel.
+            burner_mw: (burners, batch) MW that they may give; None: what they can.
         """
-        order, power = self, self._power(ops, need, unlimited)
-        lost = power * 0.0
+        order, fuelled, lost = self, unlimited, None
+        if burner_mw is not None:
+            lost = ops.positive(unlimited.most_mw - ops.positive(burner_mw))
+            order, fuelled = self._with_less_room(ops, lost, unlimited)
+        burnt = order._burnt(ops, need, fuelled)
         for _ in range(unlimited.burners.tanks):
-            over = unlimited.burners.burnt(ops, power) - fuel
+            over = unlimited.burners.total(ops, burnt) - fuel
             if not ops.may_exceed(ops.positive(over), FUEL_TOLERANCE_M3):
                 break
-            lost = ops.maximum(lost, unlimited.lost(ops, power, fuel, over))
+            short = unlimited.lost(ops, burnt, fuel, over)
+            lost = short if lost is None else ops.maximum(lost, short)
             order, fuelled = self._with_less_room(ops, lost, unlimited)
-            power = order._power(ops, need, fuelled)
-        return order, power
+            burnt = order._burnt(ops, need, fuelled)
+        return order, burnt
 
-    def _power(self, ops: ArrayOps, need: Array, fuelled: Fuelled) -> Array:
-        """(burners, batch) MW of burners where islands need (buses, batch) MW."""
+    def _burnt(self, ops: ArrayOps, need: Array, fuelled: Fuelled) -> Array:
+        """(burners, batch) m³ burnt where islands need (buses, batch) MW."""
         if not self.way.order.block.any():
-            return fuelled.power(ops, need)
+            return fuelled.burnt(ops, need)
         drawn, _ = self._drawn(ops, need)
-        return fuelled.power_of(ops, drawn)
+        return fuelled.burnt_of(ops, drawn)
 
     def _with_less_room(
         self, ops: ArrayOps, lost: Array, unlimited: Fuelled
     ) -> tuple[ReadyOrder, Fuelled]:
         """The order, and its burners, without what these have lost, (burners, batch) MW."""
         burners, n = unlimited.burners, len(self.need)
-        at_row = (burners.at_row.as_matrix(ops) @ lost).reshape(-1, n, lost.shape[-1])
-        room = ops.positive(self.room - ops.sums(at_row, self.island, n))
+        at_tier = (burners.at_tier.as_matrix(ops) @ lost).reshape(-1, n, lost.shape[-1])
+        fewer_mw = dict(zip(burners.tiers.tolist(), ops.sums(at_tier, self.island, n), strict=True))
+        room = ops.stacked(
+            [
+                ops.positive(mw - fewer_mw[k]) if k in fewer_mw else mw
+                for k, mw in enumerate(self.room)
+            ]
+        )
         before = ops.cumulated(room)
         most_mw, tiers = unlimited.most_mw - lost, (room, before)
         fuelled = Fuelled.of_slot(ops, burners, self.island, most_mw, tiers)
@@ -219,16 +240,22 @@ class ReadyGroup:
     orders: tuple[ReadyOrder, ...]
 
     def chosen(
-        self, request: tuple[Array, Array], fuel: Array | None
-    ) -> tuple[tuple[Array, Array], Array | None]:
-        """Request and fuel of the members."""
+        self, request: tuple[Array, Array], *more: Array | None
+    ) -> tuple[tuple[Array, Array], Array | None, Array | None]:
+        """Request, fuel and what burners may give, of the members."""
         charge, discharge = (power[:, self.members] for power in request)
-        return (charge, discharge), None if fuel is None else fuel[:, self.members]
+        fuel, burner_mw = (None if x is None else x[:, self.members] for x in more)
+        return (charge, discharge), fuel, burner_mw
 
-    def closed(self, request: tuple[Array, Array], fuel: Array | None = None) -> Closed:
+    def closed(
+        self,
+        request: tuple[Array, Array],
+        fuel: Array | None = None,
+        burner_mw: Array | None = None,
+    ) -> Closed:
         """Every island closed in the way that is nearest to the request, storage priced."""
         ops = array_ops(request[0])
-        closed, *others = [way.closed(request, self.units, fuel) for way in self.orders]
+        closed, *others = [way.closed(request, self.units, fuel, burner_mw) for way in self.orders]
         if others:
             closed = _nearest(ops, request, closed, others)
         cost = closed.cost

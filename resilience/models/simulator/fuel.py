@@ -24,6 +24,10 @@ FUEL_TOLERANCE_M3 = 1e-12
 """Of the fuel of a step: as much is rounding."""
 
 
+Tiers = tuple[Array, Array]
+"""(tiers, buses, batch) MW that each tier can give in an island, and that all cheaper ones can."""
+
+
 @dataclass(frozen=True)
 class Burners:
     """Sources that burn from tanks, in one order of all sources.
@@ -38,7 +42,8 @@ class Burners:
         of_tank: (tanks, burners) 1 where a burner belongs to a tank.
         before, beside: (burners, burners) 1 where another of the same tank is taken earlier, and
             where it is in the same tier, itself included.
-        at_row: (tiers times buses, burners) 1 where a burner stands.
+        tiers: their tiers, each once.
+        at_tier: (those tiers times buses, burners) 1 where a burner stands.
         at_source: (columns, burners) likewise among the sources.
     """
 
@@ -51,19 +56,19 @@ class Burners:
     of_tank: Matrix
     before: Matrix
     beside: Matrix
-    at_row: Matrix
+    tiers: Ints
+    at_tier: Matrix
     at_source: Matrix
 
-    def allowed(self, ops: ArrayOps, power: Array, fuel: Array) -> Array:
-        """(burners, batch) MW of what they would give, as far as fuel (tanks, batch) goes."""
-        burnt = self.per_mw.as_array(ops) * power
+    def share(self, ops: ArrayOps, burnt: Array, fuel: Array) -> Array:
+        """(burners, batch) of what they would burn, m³, the share for which there is fuel."""
         remaining = ops.rows(fuel, self.tank) - self.before.as_matrix(ops) @ burnt
         demand = ops.at_least(self.beside.as_matrix(ops) @ burnt, FUEL_TOLERANCE_M3)
-        return power * ops.positive_up_to(remaining / demand, remaining * 0.0 + 1.0)
+        return ops.positive_up_to(remaining / demand, remaining * 0.0 + 1.0)
 
-    def burnt(self, ops: ArrayOps, power: Array) -> Array:
-        """(tanks, batch) m³ that they burn in a step."""
-        return self.of_tank.as_matrix(ops) @ (self.per_mw.as_array(ops) * power)
+    def total(self, ops: ArrayOps, burnt: Array) -> Array:
+        """(tanks, batch) m³ that burners (burners, batch) burn."""
+        return self.of_tank.as_matrix(ops) @ burnt
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,7 @@ class Fuelled:
         row: of its tier there, among the tiers of all buses.
         most_mw: MW that it can give.
         room, before: MW that its tier can give there, and that all cheaper tiers can.
+        per_drawn: m³ that it burns per MW drawn from its tier.
     """
 
     burners: Burners
@@ -84,15 +90,11 @@ class Fuelled:
     most_mw: Array
     room: Array
     before: Array
+    per_drawn: Array
 
     @classmethod
     def of_slot(
-        cls,
-        ops: ArrayOps,
-        burners: Burners,
-        island: Array,
-        most_mw: Array,
-        tiers: tuple[Array, Array],
+        cls, ops: ArrayOps, burners: Burners, island: Array, most_mw: Array, tiers: Tiers
     ) -> Fuelled:
         """Burners that can give `most_mw`.
 
@@ -101,47 +103,47 @@ class Fuelled:
             burners: which they are.
             island: (buses, batch) number of the island of every bus.
             most_mw: (burners, batch) MW.
-            tiers: (tiers, buses, batch) MW that each tier can give, and that all cheaper ones can.
+            tiers: MW that each tier can give, and that all cheaper ones can.
         """
         at_bus = ops.rows(island, burners.bus)
         row = at_bus + ops.index(burners.first_row)[:, None]
         flat = [x.reshape(-1, x.shape[-1]) for x in tiers]
         room, before = (ops.at_islands(x, row) for x in flat)
-        return cls(burners, at_bus, row, most_mw, room, before)
+        per_mw = burners.per_mw.as_array(ops)
+        per_drawn = per_mw * most_mw / ops.at_least(room, POWER_TOLERANCE_MW)
+        return cls(burners, at_bus, row, most_mw, room, before, per_drawn)
 
-    def power(self, ops: ArrayOps, need: Array) -> Array:
-        """(burners, batch) MW where islands need (buses, batch) and no tier is a block."""
-        drawn = ops.positive_up_to(ops.at_islands(need, self.island) - self.before, self.room)
-        return self._share(ops, drawn)
+    def burnt(self, ops: ArrayOps, need: Array) -> Array:
+        """(burners, batch) m³ where islands need (buses, batch) MW and no tier is a block."""
+        drawn = ops.at_islands(need, self.island) - self.before
+        return ops.positive_up_to(drawn, self.room) * self.per_drawn
 
-    def power_of(self, ops: ArrayOps, drawn: list[Array]) -> Array:
-        """(burners, batch) MW where the tiers give (tiers) of (buses, batch)."""
-        return self._share(ops, ops.at_islands(ops.joined(drawn), self.row))
+    def burnt_of(self, ops: ArrayOps, drawn: list[Array]) -> Array:
+        """(burners, batch) m³ where the tiers give (tiers) of (buses, batch) MW."""
+        return ops.at_islands(ops.joined(drawn), self.row) * self.per_drawn
 
-    def _share(self, ops: ArrayOps, drawn: Array) -> Array:
-        return drawn / ops.at_least(self.room, POWER_TOLERANCE_MW) * self.most_mw
-
-    def lost(self, ops: ArrayOps, power: Array, fuel: Array, over: Array) -> Array:
+    def lost(self, ops: ArrayOps, burnt: Array, fuel: Array, over: Array) -> Array:
         """(burners, batch) MW of what each can give that it cannot where its tank is too low.
 
         Args:
             ops: operations for the kind of array.
-            power: (burners, batch) MW that they would give.
+            burnt: (burners, batch) m³ that they would burn.
             fuel: (tanks, batch) m³ that is there for it.
             over: (tanks, batch) m³ that they would burn beyond it.
         """
         is_short = ops.rows(over, self.burners.tank) > FUEL_TOLERANCE_M3
-        allowed = self.burners.allowed(ops, power, fuel)
+        allowed = burnt * self.burners.share(ops, burnt, fuel) / self.burners.per_mw.as_array(ops)
         return ops.where(is_short, self.most_mw - allowed, self.most_mw * 0.0)
 
 
 def compiled_burners(plant: Plant, tier: Ints) -> Burners | None:
     """The burners of a plant whose sources are in the tiers (columns,); None without any."""
-    source = np.flatnonzero(np.diff(plant.fuel_per_mw.indptr))
+    source = plant.burners
     if not len(source):
         return None
     per_mw = plant.fuel_per_mw[:, source]
     tank, rank, bus, n = per_mw.indices, tier[source], plant.bus[source], plant.n_buses
+    tiers, number = np.unique(rank, return_inverse=True)
     same = tank[:, None] == tank[None, :]
     ones, count = np.ones(len(source)), np.arange(len(source))
 
@@ -158,6 +160,42 @@ def compiled_burners(plant: Plant, tier: Ints) -> Burners | None:
         of_tank=picked(tank, len(plant.tanks)),
         before=Matrix(sp.csr_array(same & (rank[None, :] < rank[:, None]), dtype=float)),
         beside=Matrix(sp.csr_array(same & (rank[None, :] == rank[:, None]), dtype=float)),
-        at_row=picked(rank * n + bus, (int(tier.max()) + 1) * n),
+        tiers=tiers,
+        at_tier=picked(number * n + bus, len(tiers) * n),
         at_source=picked(source, len(tier)),
     )
+
+
+class FuelLimits:
+    """What burners of a plant cannot give for want of fuel, each tank shared in proportion.
+
+    It is what somebody knows who decides before islands are closed.
+
+    Args:
+        plant: the stage as a step sees it; it has tanks.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        source = plant.burners
+        per_mw = sp.csr_array(plant.fuel_per_mw[:, source])
+        ones, count = np.ones(len(source)), np.arange(len(source))
+        self._delivered = plant.delivered
+        self._most = plant.bound("upper", plant.sources[source])
+        self._per_mw = Matrix(per_mw)
+        self._tank = np.asarray(plant.fuel_per_mw[:, source].indices, np.intp)
+        at_bus = sp.csr_array((ones, (plant.bus[source], count)), shape=(plant.n_buses, len(count)))
+        self._at_bus = Matrix(at_bus)
+
+    def lost(self, ops: ArrayOps, data: Array, fuel: Array) -> Array:
+        """(buses, batch) MW that burners there would give at most, and for which there is no fuel.
+
+        Args:
+            ops: operations for the kind of array.
+            data: (n_data, batch) from `stacked`.
+            fuel: (tanks, batch) m³ in every tank.
+        """
+        most_mw = ops.wide(self._most(ops, data), fuel.shape[-1])
+        available = fuel + self._delivered(ops, data)
+        burnt = ops.at_least(self._per_mw.as_matrix(ops) @ most_mw, FUEL_TOLERANCE_M3)
+        short = 1.0 - ops.positive_up_to(available / burnt, available * 0.0 + 1.0)
+        return self._at_bus.as_matrix(ops) @ (most_mw * ops.rows(short, self._tank))

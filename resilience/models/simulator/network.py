@@ -11,6 +11,7 @@ that units which are cut back together share the cut in proportion there and in 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from resilience.models.program.unroll import unroll
 from resilience.models.simulator.arrays import ArrayOps, array_ops
 from resilience.models.simulator.modes import modes
 from resilience.models.simulator.numpy_ops import NumPyOps
-from resilience.models.simulator.plant import LEVEL, STATE, MemberPrices, Plant
+from resilience.models.simulator.plant import DELIVERY, LEVEL, STATE, MemberPrices, Plant
 from resilience.models.simulator.refusals import refuse
 from resilience.models.simulator.simulator import Step
 
@@ -70,6 +71,7 @@ class NetworkSimulator(Plant):
         data: Floats,
         island: Ints,
         fuel: Floats | None = None,
+        burner_mw: Floats | None = None,
     ) -> Step:
         """One step; see `Simulator.step`. NumPy arrays only.
 
@@ -83,17 +85,21 @@ class NetworkSimulator(Plant):
             raise UsageError(
                 "the network simulator steps NumPy arrays", hint="gradients need Simulator"
             )
-        if fuel is None:
-            if self.tanks:
-                raise ValueError(f"no fuel of the tanks {', '.join(self.tanks)} was told")
-            fuel = np.empty((0, energy.shape[1]))
+        fuel = self._fuel(ops, fuel, data, energy.shape[1])
+        if burner_mw is None:
+            burner_mw = np.full((len(self.burners), energy.shape[1]), np.inf)
         groups = self.prices(data)
         if groups[0].members is None:
-            return self._step(ops, groups[0], (energy, fuel), action, data, island)
+            return self._step(ops, groups[0], (energy, fuel, burner_mw), action, data, island)
         members = [np.empty(0, np.intp) if g.members is None else g.members for g in groups]
         steps = [
             self._step(
-                ops, group, (energy[:, k], fuel[:, k]), action[:, k], data[:, k], island[:, k]
+                ops,
+                group,
+                (energy[:, k], fuel[:, k], burner_mw[:, k]),
+                action[:, k],
+                data[:, k],
+                island[:, k],
             )
             for group, k in zip(groups, members, strict=True)
         ]
@@ -112,17 +118,23 @@ class NetworkSimulator(Plant):
             fuel=joined("fuel") if self.tanks else None,
         )
 
+    def _fuel(self, ops: ArrayOps, fuel: Floats | None, data: Floats, n: int) -> Floats:
+        """(tanks, members) m³ that is there in a step."""
+        if not self.tanks:
+            return np.empty((0, n))
+        return cast("Floats", self.available_fuel(fuel, self.delivered(ops, data)))
+
     def _step(
         self,
         ops: ArrayOps,
         paid: MemberPrices,
-        state: tuple[Floats, Floats],
+        state: tuple[Floats, Floats, Floats],
         action: Floats,
         data: Floats,
         island: Ints,
     ) -> Step:
-        """One step of members of equal prices; the state is energy and fuel."""
-        energy, fuel = state
+        """One step of members of equal prices; the state has what burners may give, too."""
+        energy, fuel, _ = state
         prices, storage_prices = paid.sources, paid.storage
         limits = self.power_limits(ops, data, energy.shape[-1])
         charge, discharge = self.masked_action(ops, energy, action, limits)
@@ -145,8 +157,7 @@ class NetworkSimulator(Plant):
         np.add.at(spill, cells, spilled)
         after = self.after(energy, charge, discharge)
         if self.tanks:
-            burnt = self.fuel_per_mw @ flows
-            fuel_after = self.fuel_after(fuel + self.delivered(ops, data), burnt)
+            fuel_after = self.fuel_after(fuel, self.fuel_per_mw @ flows)
         return Step(
             after, cost, charge, discharge, spill, lambda: flows, fuel_after if self.tanks else None
         )
@@ -191,7 +202,7 @@ class _Batch:
     def build(
         cls,
         plant: NetworkSimulator,
-        state: tuple[Floats, Floats],
+        state: tuple[Floats, Floats, Floats],
         request: tuple[Floats, Floats],
         data: Floats,
     ) -> _Batch:
@@ -199,11 +210,12 @@ class _Batch:
 
         Args:
             plant: what steps it.
-            state: energy (units, members) MWh and fuel (tanks, members) m³.
+            state: energy (units, members) MWh, fuel that is there (tanks, members) m³, and what
+                burners may give (burners, members) MW.
             request: charging and discharging power (units, members), MW.
             data: (n_data, members).
         """
-        energy, fuel = state
+        energy, fuel, burner_mw = state
         form, standard, table = plant.form, plant.standard, plant.table
         low, high, sides, prices = form.numbers(data)
         n, members = standard.n_columns, energy.shape[1]
@@ -217,7 +229,12 @@ class _Batch:
             lower[:, stored] = upper[:, stored] = energy.T
         if plant.tanks:
             level = standard.initial[LEVEL]
+            # What is delivered is in what is there.
             lower[:, level] = upper[:, level] = fuel.T
+            arrives = table[plant.positions(DELIVERY)] if plant.has_deliveries else level[:0]
+            lower[:, arrives] = upper[:, arrives] = 0.0
+            burners = table[plant.sources[plant.burners]]
+            upper[:, burners] = np.minimum(upper[:, burners], np.maximum(burner_mw.T, 0.0))
         order_worth = ORDER_WORTH * max(float(np.abs(cost).max(initial=0.0)), plant.dt)
         for columns, power in zip(plant.stored, request, strict=True):
             upper[:, table[columns]] = power.T

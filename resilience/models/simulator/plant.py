@@ -173,12 +173,22 @@ class Plant:
             moves = form.a.tocsr()[form.rows("tank.dynamics")]
             self.fuel_per_mw = sp.csc_array(moves[:, self.sources])
             self.fuel_per_mw.eliminate_zeros()
-            if any(block.name == DELIVERY for block in form.own_blocks):
+            if self.has_deliveries:
                 columns = self.positions(DELIVERY)
                 rate, per_rate = self.bound("upper", columns), -moves[:, columns]
                 amount = sp.csr_array(per_rate @ rate.coefficients)
                 self.delivered = Map(per_rate @ rate.constant, amount)
         self._tank_capacity = Constant(self.tank_capacity)
+
+    def available_fuel(self, fuel: Array | None, delivered: Array) -> Array:
+        """(tanks, batch) m³ that is there in a step.
+
+        Raises:
+            ValueError: nobody told how much is in the tanks.
+        """
+        if fuel is None:
+            raise ValueError(f"no fuel of the tanks {', '.join(self.tanks)} was told")
+        return fuel + delivered
 
     def fuel_after(self, available: Array, burnt: Array) -> Array:
         """(tanks, batch) fuel at the end of a step, m³.
@@ -189,6 +199,16 @@ class Plant:
         """
         ops = array_ops(available)
         return ops.positive_up_to(available - burnt, self._tank_capacity.as_array(ops))
+
+    @property
+    def burners(self) -> Ints:
+        """(burners,) which of the sources burn from a tank."""
+        return np.flatnonzero(np.diff(self.fuel_per_mw.indptr))
+
+    @property
+    def has_deliveries(self) -> bool:
+        """Whether fuel is delivered to any tank."""
+        return any(block.name == DELIVERY for block in self.form.own_blocks)
 
     def _priced(self, columns: Ints) -> Map:
         costs = self.form.costs

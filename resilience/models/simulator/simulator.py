@@ -177,7 +177,13 @@ class Simulator(Plant):
         return ReadySlot(storage, tuple(groups), priced.place, delivered)
 
     def step(
-        self, energy: Array, action: Array, data: Array, island: Array, fuel: Array | None = None
+        self,
+        energy: Array,
+        action: Array,
+        data: Array,
+        island: Array,
+        fuel: Array | None = None,
+        burner_mw: Array | None = None,
     ) -> Step:
         """One step. Members of different prices, as of different slots, do as if they were alone.
 
@@ -187,11 +193,17 @@ class Simulator(Plant):
             data: (n_data, batch) or (n_data, 1) from `stacked`, of the kind of `energy`.
             island: (buses, batch) number of the island of every bus.
             fuel: (tanks, batch) m³ in every tank; None without tanks.
+            burner_mw: (burners, batch) MW that sources with a tank may give; None: what they can.
         """
-        return self.step_ready(energy, action, self.ready(data, island), fuel)
+        return self.step_ready(energy, action, self.ready(data, island), fuel, burner_mw)
 
     def step_ready(
-        self, energy: Array, action: Array, slot: ReadySlot, fuel: Array | None = None
+        self,
+        energy: Array,
+        action: Array,
+        slot: ReadySlot,
+        fuel: Array | None = None,
+        burner_mw: Array | None = None,
     ) -> Step:
         """One step of a slot that is ready; see `step`.
 
@@ -201,21 +213,16 @@ class Simulator(Plant):
         ops = array_ops(energy)
         request = self.masked_action(ops, energy, action, slot.storage.power_limits)
         if slot.delivered is not None:
-            if fuel is None:
-                raise ValueError(f"no fuel of the tanks {', '.join(self.tanks)} was told")
-            fuel = fuel + slot.delivered
+            fuel = self.available_fuel(fuel, slot.delivered)
         if slot.place is None:
-            closed = slot.groups[0].closed(request, fuel)
+            closed = slot.groups[0].closed(request, fuel, burner_mw)
         else:
-            closed = side_by_side(
-                ops,
-                [group.closed(*group.chosen(request, fuel)) for group in slot.groups],
-                slot.place,
-            )
+            parts = [group.closed(*group.chosen(request, fuel, burner_mw)) for group in slot.groups]
+            closed = side_by_side(ops, parts, slot.place)
         cost, charge, discharge, spill, flows, burnt = closed
-        after = None if fuel is None or burnt is None else self.fuel_after(fuel, burnt)
-        energy = self.after(energy, charge, discharge)
-        return Step(energy, cost, charge, discharge, spill, flows, after)
+        level = None if fuel is None or burnt is None else self.fuel_after(fuel, burnt)
+        after = self.after(energy, charge, discharge)
+        return Step(after, cost, charge, discharge, spill, flows, level)
 
     def _in_order(self, prices: Floats) -> list[Priced]:
         """The order of these prices, or one per mode where a connection could earn in both."""

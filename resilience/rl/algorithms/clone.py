@@ -27,6 +27,7 @@ from resilience.rl.learning.learner import (
 from resilience.rl.learning.replay import ReplayRing
 from resilience.rl.learning.starts import mixed_starts
 from resilience.rl.networks.nets import Average, network
+from resilience.simulation.observation import parts_of
 
 TEACH_STREAM, FIT_STREAM = 8, 9
 
@@ -142,7 +143,7 @@ class Clone:
         low, high = env.tensor(env.simulator.low), env.tensor(env.simulator.high)
         for t in range(tape.slots):
             observed = tape.episodes.observation(t, energy.cpu().numpy().astype(float))
-            power = env.tensor(teacher.act(observed))
+            power = env.tensor(parts_of(teacher.act(observed))[0])
             self.replay.add(energy, power.T, torch.zeros(tape.n, device=env.device))
             after = env.played(tape, t, energy, power).energy
             away = env.tensor(rng.standard_normal(after.shape)) * settings.noise * (high - low)

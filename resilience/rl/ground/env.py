@@ -61,6 +61,12 @@ class BatchEnv:
                 f"{setting.microgrid.physics}",
                 hint="AC power flow certifies what they do afterwards",
             )
+        if setting.simulator.tanks:
+            names = ", ".join(setting.simulator.tanks)
+            raise UsageError(
+                f"learners know no fuel, but there are the tanks {names}",
+                hint="`rule`, `mpc` and `stochastic` act in such a case",
+            )
         if baseline not in BASELINES:
             raise UsageError(
                 f"baseline {baseline!r} is unknown; allowed: {', '.join(BASELINES)}",

@@ -16,7 +16,7 @@ from resilience.dispatch.window_program import WindowRequest, WindowSteps
 from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
-from resilience.simulation.observation import Observation
+from resilience.simulation.observation import Observation, parts_of
 from resilience.simulation.setting import Setting
 from resilience.simulation.world import World
 from resilience.testing import small_case
@@ -111,11 +111,11 @@ def noted(
     """What a program is asked from now on; it answers one after the other."""
     requests: list[WindowRequest] = []
 
-    def decide(request: WindowRequest) -> Floats:
+    def decisions(request: WindowRequest) -> tuple[Floats, Floats]:
         requests.append(request)
-        return np.array(answers[len(requests) - 1])
+        return np.array(answers[len(requests) - 1]), np.empty(0)
 
-    monkeypatch.setattr(program, "decide", decide)
+    monkeypatch.setattr(program, "decisions", decisions)
     return requests
 
 
@@ -132,7 +132,7 @@ def asks(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Asks:
         for before in range(t):
             mpc.memory.update(slot(setting, before))
         requests = noted(monkeypatch, mpc.program, [[0.3, -0.2], [0.7, -0.9]])
-        return mpc, omen, requests, mpc.act(slot(setting, t))
+        return mpc, omen, requests, parts_of(mpc.act(slot(setting, t)))[0]
 
     return ask
 
@@ -213,7 +213,7 @@ def test_blind_mpc_takes_the_lines_as_they_are(
 ) -> None:
     mpc = BlindMPC(setting, slots=3, value_per_mwh=2.7)
     requests = noted(monkeypatch, mpc.program, [[0.3, -0.2], [0.7, -0.9]])
-    power = mpc.act(slot(setting, 5))
+    power, _ = parts_of(mpc.act(slot(setting, 5)))
     assert power.tolist() == [[0.3, 0.7], [-0.2, -0.9]]
     for k, (request, down) in enumerate(zip(requests, (1, 2), strict=True)):
         assert request.t == 5

@@ -23,6 +23,7 @@ from resilience.rl.learning.learner import Learner, Progress  # noqa: E402
 from resilience.rl.learning.off_policy import updates_due  # noqa: E402
 from resilience.rl.networks.actors import AgentActors, GruActors  # noqa: E402
 from resilience.rl.networks.nets import network  # noqa: E402
+from resilience.simulation.observation import parts_of  # noqa: E402
 from tests.unit.rl.toys import arbitrage, outage  # noqa: E402
 
 TINY = {
@@ -194,9 +195,9 @@ def test_failed_units_fall_back_and_the_others_do_not(fallback: str) -> None:
     low, high = episodes.setting.simulator.low, episodes.setting.simulator.high
     energy = low + (high - low) * np.random.default_rng(2).random((5, 4))
     observed = episodes.observation(33, energy)
-    power = made(episodes.setting).act(observed)
-    whole = factory_of("greedy")(episodes.setting).act(observed)
-    theirs = factory_of(names[fallback])(episodes.setting).act(observed)
+    power, _ = parts_of(made(episodes.setting).act(observed))
+    whole, _ = parts_of(factory_of("greedy")(episodes.setting).act(observed))
+    theirs, _ = parts_of(factory_of(names[fallback])(episodes.setting).act(observed))
     assert made.batched
     np.testing.assert_array_equal(power[failed], theirs[failed])
     np.testing.assert_array_equal(power[[0, 3]], whole[[0, 3]])
