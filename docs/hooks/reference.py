@@ -24,6 +24,9 @@ COMPONENTS = ROOT / "resilience" / "models" / "components"
 
 # Longest suffix first: p_max_mw is MW, cost_per_mwh is not.
 UNITS = {
+    "_m3_per_mwh": "m³/MWh",
+    "_m3_per_h": "m³/h",
+    "_m3": "m³",
     "_mw_per_h": "MW/h",
     "_per_mwh": "$/MWh",
     "_per_h": "$/h",
