@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.row import Row, timed
 from resilience.arrays import Floats
-from resilience.case import Case, load_case
+from resilience.case import Case, TankTable, load_case
 from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.models.microgrid import Microgrid
@@ -20,6 +20,7 @@ from resilience.models.simulator import NetworkSimulator, Simulator
 
 TURNS, CALLS = 7, 20
 AGREEMENT = 1e-9
+MAX_FUEL_RATIO = 1.0 / 0.7
 Outcome = tuple[Floats, Floats, Floats, Floats]
 
 
@@ -45,6 +46,7 @@ class Bench:
     action: Floats
     data: Floats
     island: np.ndarray
+    fuel: Floats | None = None
 
     @classmethod
     def for_case(cls, case: Case, batch: int) -> Bench:
@@ -56,6 +58,8 @@ class Bench:
         action = rng.uniform(-2.0, 2.0, energy.shape)
         bench = cls(simulator, up, energy, action, np.empty(0), np.empty(0))
         bench.data, bench.island = bench.slot_data()
+        if simulator.tanks:
+            bench.fuel = np.repeat(simulator.tank_capacity, batch, axis=1)
         return bench
 
     def slot_data(self) -> tuple[Floats, np.ndarray]:
@@ -70,7 +74,7 @@ class Bench:
         return self.simulator.stacked(self.simulator.microgrid.data(situation)), situation.island
 
     def step(self) -> Outcome:
-        step = self.simulator.step(self.energy, self.action, self.data, self.island)
+        step = self.simulator.step(self.energy, self.action, self.data, self.island, self.fuel)
         return step.energy, step.cost, step.charge, step.discharge
 
     def with_flows(self) -> Floats:
@@ -225,7 +229,22 @@ def stepping() -> Iterator[Row]:
         ours, slot = race(islands.step, islands.with_data)
         yield rate("step, 33 buses with islands", 1024, ours, 2e5)
         yield rate("the same with data, islands and every device's power", 1024, slot, None)
+        yield from fuelled(islands)
         yield rate("step, 33 buses with voltages (a linear program each)", 64, wired(64), None)
+
+
+def fuelled(islands: Bench) -> Iterator[Row]:
+    """The same with one tank for all generators, full, and too low in a tenth of the members."""
+    case = islands.simulator.microgrid.case
+    fuel = {"tank": "tank", "fuel_m3_per_mwh": 0.25}
+    units = [unit.model_copy(update=fuel) for unit in case.generator]
+    tank = TankTable(name="tank", capacity_m3=20.0)
+    full = Bench.for_case(case.replace(tank=[tank], generator=units), islands.energy.shape[1])
+    low = copy.copy(full)
+    low.fuel = full.fuel * np.where(np.arange(islands.energy.shape[1]) % 10 == 0, 1e-4, 1.0)
+    ours, theirs, short = race(full.step, islands.step, low.step)
+    yield within("the same with a tank, over without", ours, theirs, MAX_FUEL_RATIO)
+    yield within("the same, too low in a tenth of the batch", short, theirs, None)
 
 
 def wired(batch: int) -> float:
