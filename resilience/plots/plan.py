@@ -111,6 +111,18 @@ def _storage(axis: Axes, plan: Plan, hours: Floats) -> None:
     style.aside(axis)
 
 
+def _fuel(axis: Axes, plan: Plan, hours: Floats) -> None:
+    table = plan.tables["fuel"]
+    tanks = {tank.name: tank for tank in plan.case.tank} if plan.case is not None else {}
+    for k, name in enumerate(table.labels):
+        start = tanks[name].initial_m3 if name in tanks else table.values[k, 0]
+        level = np.append(start if start is not None else np.nan, table.values[k])
+        axis.plot(hours, level, color=style.FUEL_COLOURS[k % len(style.FUEL_COLOURS)], label=name)
+    axis.set_ylim(bottom=0.0)
+    axis.set_ylabel("fuel, m³")
+    style.aside(axis)
+
+
 def _shed(axis: Axes, plan: Plan, hours: Floats) -> None:
     total = plan.tables["shed"].values.sum(0)
     style.stairs(axis, hours, np.zeros_like(total), total, color=style.SHED_COLOUR)
@@ -162,6 +174,7 @@ def _lines_out(axis: Axes, plan: Plan, hours: Floats) -> None:
 _PANELS = {
     "power": _power,
     "soc": _storage,
+    "fuel": _fuel,
     "shed": _shed,
     "voltage": _voltage,
     "island": _islands,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+FUEL_COLOURS = "#8c510a", "#35978f", "#bf812d", "#80cdc1"
 SHED_COLOUR = "#a3157e"
 DEMAND_COLOUR = "#000000"
 STORAGE_COLOUR = ESS.colour
