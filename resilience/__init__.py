@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from resilience.plots.water import plot_water_values
     from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
-    from resilience.simulation.observation import Dispatcher, Observation
+    from resilience.simulation.observation import Dispatcher, Observation, Rationed
     from resilience.simulation.replay import replay
     from resilience.simulation.setting import Setting
     from resilience.simulation.trajectory import Trajectory
@@ -75,6 +75,7 @@ __all__ = [
     "Observation",
     "Outage",
     "Plan",
+    "Rationed",
     "Report",
     "ResilienceError",
     "ScenarioPlan",

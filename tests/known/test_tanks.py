@@ -11,6 +11,12 @@ from scipy.optimize import linprog
 
 import resilience as rs
 from resilience.case import Case
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.models.backends.highs import Highs
+from resilience.models.language.tree import Tree
+from resilience.models.microgrid import Microgrid
+from resilience.models.program.referee import settle
+from resilience.models.program.unroll import unroll
 from resilience.planning.plan import Plan
 from resilience.simulation.replay import replay
 from resilience.testing import case_optimum, small_case
@@ -243,3 +249,91 @@ def test_reasons_for_shedding_tell_an_empty_tank_from_a_saved_one() -> None:
     assert sum(plan.shed_by_load["load1"].values()) == pytest.approx(1.0)
     assert sum(plan.shed_by_load["load2"].values()) == pytest.approx(4.0)
     assert "fuel saved" in plan.shed_by_load["load2"]
+
+
+def test_plans_over_scenarios_share_fuel_until_they_part() -> None:
+    """The extensive form and the L-shaped method agree, and neither beats foresight."""
+    rng = np.random.default_rng(5)
+    case = small_case(
+        slots=10,
+        buses=2,
+        lines=[(1, 2, 0.001, 0.001)],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
+        profiles={"demand": rng.uniform(0.5, 1.0, 10).tolist()},
+        tanks=[{"capacity_m3": 2.0, "initial_m3": 0.8}],
+        generator=[DIESEL | {"bus": "2"}],
+        load=[CRITICAL | {"bus": "2", "profile": "demand"}, OTHER | {"bus": "2"}],
+        ess=[{"bus": "2", "p_max_mw": 0.5, "e_mwh": 1.0, "soc_initial": 1.0}],
+        grid=[{"import_max_mw": 1.5, "import_cost_per_mwh": 1.0}],
+    )
+    down = np.zeros((1, 10, 3), bool)
+    for k, (first, stop) in enumerate([(2, 4), (2, 7), (4, 10)]):
+        down[0, first:stop, k] = True
+    storms = Scenarios(("1-2",), down, np.array([0.5, 0.3, 0.2]), None)
+    plans = [
+        rs.solve(case, "stochastic", scenarios=storms, algorithm=algorithm)
+        for algorithm in ("extensive", "lshaped")
+    ]
+    assert plans[0].objective == pytest.approx(plans[1].objective, rel=1e-6)
+    alone = []
+    for first, stop in [(2, 4), (2, 7), (4, 10)]:
+        outage = f"1-2@{first:02d}:00-{stop:02d}:00"
+        known = case.replace(outages=[outage])
+        alone.append(rs.solve(known, "lp", physics="copperplate").objective)
+    assert plans[0].objective >= np.array([0.5, 0.3, 0.2]) @ alone - 1e-9
+    assert plans[0].tables["fuel"].values.min() >= -1e-9
+
+
+def comb_written_here(demand: list[float], stays: list[float], fuel: float, stored: float) -> float:
+    """One program for scipy: cost of hour h weighs as its chance, decisions know h alone."""
+    h = len(demand)
+    cost, bounds, equal, right = np.zeros(6 * h), [], [], []
+    for t in range(h):  # power, shed critical, shed other, discharge, level, energy
+        cost[6 * t : 6 * t + 3] = stays[t] * np.array([10.0, 150.0, 30.0])
+        bounds += [(0, 2), (0, demand[t]), (0, demand[t]), (0, 0.5), (0, 5), (0, 2)]
+        row = np.zeros(6 * h)
+        row[6 * t : 6 * t + 4] = 1.0
+        equal.append(row), right.append(2 * demand[t])
+        for place, used, size, start in ((4, 0, 0.25, fuel), (5, 3, 1.0, stored)):
+            row = np.zeros(6 * h)
+            row[6 * t + place], row[6 * t + used] = 1.0, size
+            if t:
+                row[6 * (t - 1) + place] = -1.0
+            equal.append(row), right.append(0.0 if t else start)
+    answer = linprog(cost, A_eq=np.array(equal), b_eq=right, bounds=bounds, method="highs")
+    assert answer.success
+    return float(answer.fun)
+
+
+def test_an_outage_of_unknown_length_is_a_comb() -> None:
+    """An island that may be joined again after any hour: a tree of one stem and its ends."""
+    rng = np.random.default_rng(3)
+    h, demand = 9, rng.uniform(0.4, 1.0, 9).tolist()
+    stays = np.array([1.0, *np.sort(rng.uniform(0.05, 0.95, h - 1))[::-1]])
+    load = {"profile": "demand", "p_max_mw": 1.0}
+    case = small_case(
+        slots=h,
+        profiles={"demand": demand},
+        tanks=[{"capacity_m3": 5.0, "initial_m3": 1.0}],
+        generator=[DIESEL],
+        load=[CRITICAL | load, OTHER | load],
+        ess=[{"p_max_mw": 0.5, "e_mwh": 2.0, "soc_initial": 1.0}],
+    )
+    grid = Microgrid.build(case, "copperplate")
+    # Hour by hour the stem, each with an end behind it; in the ends nothing is asked for.
+    order = np.array([0, *(k for t in range(1, h) for k in (t, -1))])
+    chance = np.array([1.0, *(c for t in range(1, h) for c in (stays[t], stays[t - 1] - stays[t]))])
+    parent = np.array([-1, *np.repeat([0, *range(1, 2 * h - 3, 2)], 2)])
+    tree = Tree(parent, chance, np.zeros(len(parent), np.intp), tuple(map(str, range(len(parent)))))
+    profile = np.where(order < 0, 0.0, np.array(demand)[order])
+    situation = grid.situation(
+        np.ones((0, len(parent)), bool), lambda name: profile if name else np.ones(len(parent))
+    )
+    program = unroll([grid.stage(1.0)], tree)
+    solver = Highs(program)
+    solver.update(program.vectors(grid.data(situation), grid.start()))
+    found = solver.solve()
+    expected = comb_written_here(demand, stays.tolist(), 1.0, 2.0)
+    assert found.objective == pytest.approx(expected, rel=1e-8)
+    level = settle(program, found.point, program.vectors(grid.data(situation), grid.start()))
+    assert level[program.columns("tank.level")].min() >= -1e-9
