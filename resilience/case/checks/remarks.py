@@ -25,6 +25,7 @@ def remarks(case: Case) -> list[str]:
         *_without_end_value(case),
         *_unused_tanks(case),
         *_missed_deliveries(case),
+        *_forming_on_nothing(case),
     ]
 
 
@@ -87,6 +88,22 @@ def _missed_deliveries(case: Case) -> list[str]:
     return [
         f"{_listed(names)}: outside the horizon, {case.window}, so it brings nothing\n"
         "hint: fuel can be used from the first slot that starts when it is there"
+    ]
+
+
+def _forming_on_nothing(case: Case) -> list[str]:
+    """A remark on generators that carry an island though their tank is empty."""
+    names = [
+        f"[[generator]] {unit.name}"
+        for unit in case.generator
+        if unit.tank is not None and unit.grid_forming and not unit.needs_commitment
+    ]
+    if not names:
+        return []
+    return [
+        f"{_listed(names)}: burns nothing at no load, so it forms its island with an empty tank, "
+        "too, and PV there goes on\n"
+        "hint: give fuel_no_load_m3_per_h, which needs commitment, or set grid_forming = false"
     ]
 
 

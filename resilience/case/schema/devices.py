@@ -142,6 +142,10 @@ class ESSTable(DeviceTable):
     grid_forming: bool = Field(True, description="true: can carry an island alone")
 
 
+_COMMITMENT = ("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
+"""Keys of a generator that need an on/off decision where they are not 0."""
+
+
 class GeneratorTable(DeviceTable):
     """`[[generator]]`: a dispatchable unit with commitment."""
 
@@ -210,9 +214,10 @@ class GeneratorTable(DeviceTable):
         return tuple(pieces)
 
     @property
-    def burns_at_no_load(self) -> bool:
-        """Whether it burns fuel of a tank at no output, so that it matters if it is on."""
-        return self.tank is not None and self.fuel_pieces[0][1] > 0.0
+    def needs_commitment(self) -> bool:
+        """Whether it matters if it is on at no output, so that this is decided."""
+        burns = self.tank is not None and self.fuel_pieces[0][1] > 0.0
+        return burns or any(getattr(self, key) for key in _COMMITMENT)
 
 
 class GridTable(DeviceTable):

@@ -51,16 +51,6 @@ from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
-_COMMITMENT = (
-    "p_min_mw",
-    "no_load_cost_per_h",
-    "start_cost",
-    "min_up_h",
-    "min_down_h",
-    "burns_at_no_load",
-)
-"""What of a table needs an on/off decision where it is not 0."""
-
 
 @dataclass(frozen=True)
 class Generators(DeviceFleet):
@@ -119,7 +109,7 @@ class Generators(DeviceFleet):
         """Its price, tank and fuel; a unit with a curve, ramps or commitment stays alone."""
         ramps = (table.ramp_up_mw_per_h, table.ramp_down_mw_per_h)
         limits = (table.cost_curve, table.fuel_curve, *ramps)
-        if any(x is not None for x in limits) or any(getattr(table, k) for k in _COMMITMENT):
+        if any(x is not None for x in limits) or table.needs_commitment:
             return None
         return float(table.cost_per_mwh), table.tank, table.fuel_m3_per_mwh
 
@@ -133,7 +123,7 @@ class Generators(DeviceFleet):
     @cached_property
     def committed(self) -> Ints:
         """Units that need an on/off decision."""
-        return self._where(*_COMMITMENT)
+        return np.flatnonzero([table.needs_commitment for table in self.tables])
 
     @cached_property
     def ramped(self) -> Ints:

@@ -158,3 +158,11 @@ def test_remarks_on_tanks_and_deliveries_without_effect() -> None:
     unused, missed = [text for text in remarks(idle) if "tank" in text]
     assert unused.startswith("[[tank]] tank1: no generator burns from it")
     assert missed.startswith("[[tank]] tank1 delivery[1]: outside the horizon")
+
+
+def test_a_remark_on_units_that_form_an_island_with_an_empty_tank() -> None:
+    free = STRAIGHT | {"p_min_mw": 0.0}
+    (text,) = [text for text in remarks(case_with(free)) if "tank" in text]
+    assert text.startswith("[[generator]] generator1: burns nothing at no load")
+    for unit in (free | {"fuel_no_load_m3_per_h": 0.01}, free | {"start_cost": 1.0}):
+        assert not [text for text in remarks(case_with(unit)) if "tank" in text]
