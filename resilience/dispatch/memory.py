@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from resilience.fragility.beliefs.conditional import LineHistory
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 
@@ -12,46 +12,48 @@ from resilience.simulation.setting import Setting
 class Memory:
     """Remembers line failures scenario by scenario.
 
-    Its clock is the slot of the day where every day starts anew, else the slot of the horizon.
+    Its clock is the slot of the day where every day has a hazard of its own, else the slot of the
+    horizon.
 
     Args:
         setting: where it is.
-        daily: every day starts anew; otherwise the episode is one storm.
+        daily: every day has a hazard of its own; otherwise the episode is one storm.
+        overnight: outages run on past midnight; otherwise what is down then has failed anew.
 
     Attributes:
         lines: position in the case's network of every line that can fail.
         window: horizon of the case.
-        since: (lines, scenarios) clock at which a line that is down failed, -1 where it is up.
+        since: (lines, scenarios) slot of the horizon in which a line that is down failed, -1 where
+            it is up.
         spent: (lines, scenarios) whether a line has failed since the clock started.
-        failed: (lines, scenarios) clock of a line's first failure, -1 where it has none.
-        down: (scenarios, lines, slots) where lines were down; no slots where every day starts anew.
+        carried: (lines, scenarios) whether it was down by an earlier outage when the clock started.
+        down: (scenarios, lines, slots of the clock) where lines were down since it started.
     """
 
-    def __init__(self, setting: Setting, daily: bool = True) -> None:
-        case, self.daily = setting.case, daily
+    def __init__(self, setting: Setting, *, daily: bool = True, overnight: bool = True) -> None:
+        case, self.daily, self.overnight = setting.case, daily, overnight
         self.lines = [case.network.line(name) for name in setting.lines]
-        self.window = case.window
+        self.window, self.numbers = case.window, setting.numbers
         shape = (len(self.lines), setting.n)
         self.since = np.full(shape, -1)
-        self.spent = np.zeros(shape, bool)
-        self.failed = np.full(shape, -1)
-        # Only the queue of a storm's crews needs to know who was back when.
-        remembered = 0 if daily else case.slots
+        self.spent, self.carried = np.zeros((2, *shape), bool)
+        remembered = case.window.slots_per_day if daily else case.slots
         self.down = np.zeros((setting.n, len(self.lines), remembered), bool)
 
     def update(self, observation: Observation) -> None:
         """Takes notice of the line status of a slot; to be called once in each."""
-        clock = self.clock(observation.t)
-        if clock == 0:
-            self.since[:], self.spent[:], self.failed[:] = -1, False, -1
+        t, clock = observation.t, self.clock(observation.t)
         down = ~observation.line_up[self.lines]
+        if clock == 0:
+            if not self.overnight:
+                self.since[:] = -1
+            self.carried = down & (self.since >= 0)
+            self.spent[:], self.down[:] = False, False
         began = down & (self.since < 0)
-        self.since[began] = clock
+        self.since[began] = t
         self.since[~down] = -1
-        self.failed[began & ~self.spent] = clock
-        self.spent |= down
-        if not self.daily:
-            self.down[:, :, observation.t] = down.T
+        self.spent |= began
+        self.down[:, :, clock] = down.T
 
     def clock(self, t: int) -> int:
         """Slot of the day of slot t, or of the storm."""
@@ -63,13 +65,14 @@ class Memory:
 
     def history(self, observation: Observation, k: int) -> LineHistory:
         """What is known of the lines of scenario k in the slot last noticed."""
-        t = observation.t
+        t, since = observation.t, self.since[:, k]
+        clock = self.clock(t)
         return LineHistory(
-            self.clock(t),
+            clock,
             int(observation.centre[k]),
-            self.since[:, k],
-            self.spent[:, k],
+            np.where(since >= 0, t - since, -1),
+            self.down[k, :, : clock + 1],
+            self.carried[:, k],
             self.day(t),
-            self.failed[:, k],
-            None if self.daily else self.down[k, :, : t + 1],
+            int(self.numbers[k]),
         )

@@ -16,7 +16,7 @@ from resilience.dispatch.window_program import (
     WindowSteps,
     fuel_of,
 )
-from resilience.fragility.beliefs.belief import Belief, case_belief
+from resilience.fragility.beliefs.belief import Belief
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.observation import Action, Observation
 from resilience.simulation.setting import Setting
@@ -76,7 +76,7 @@ class MPC:
 
     Args:
         setting: where it acts.
-        belief: in outages to come; the case's own if omitted.
+        belief: in outages to come; that of the setting if omitted.
         steps: of the window.
 
     Attributes:
@@ -94,8 +94,8 @@ class MPC:
     ) -> None:
         self.name, self.setting, self.steps = "mpc", setting, steps or WindowSteps()
         case = setting.case
-        self.belief = belief or case_belief(case, setting.lines)
-        self.memory = Memory(setting, self.belief.daily)
+        self.belief = belief or setting.belief()
+        self.memory = Memory(setting, daily=self.belief.daily, overnight=self.belief.overnight)
         self.reserve = Reserve(Microgrid.build(case, "copperplate"), setting.lines)
         self.program = WindowProgram(merged_grid(case), self.steps, 1, self.reserve)
         self.value = stored_energy_value(case, setting.end_value_per_mwh)

@@ -36,7 +36,7 @@ class Stochastic:
 
     Args:
         setting: where it acts.
-        belief: in outages to come, or the bell to believe in; the case's own if omitted.
+        belief: in outages to come, or the bell to believe in; that of the setting if omitted.
         paths: sampled futures; fewer than 30 miss rare joint outages.
         steps: of every path.
         risk: what counts besides the mean over the paths.
@@ -64,12 +64,11 @@ class Stochastic:
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
         self.setting, self.paths, self.risk, self.seed = setting, paths, risk, seed
         self.steps = steps or WindowSteps()
-        if belief is None or isinstance(belief, Bell):
-            lines = setting.lines
-            belief = case_belief(setting.case, lines, bell=belief, seed=seed)
-        self.belief: Belief = belief
+        if isinstance(belief, Bell):
+            belief = case_belief(setting.case, setting.lines, bell=belief, seed=seed)
+        self.belief: Belief = belief or setting.belief(seed)
         self.merged = merged_grid(setting.case)
-        self.memory = Memory(setting, self.belief.daily)
+        self.memory = Memory(setting, daily=self.belief.daily, overnight=self.belief.overnight)
         self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
         self.fuel_value = fuel_value(setting.case)
         self.burners = sum(unit.tank is not None for unit in setting.case.generator)

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from resilience.arrays import Floats, Ints
+from resilience.errors import UsageError
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.slots import Stepper
 
 if TYPE_CHECKING:
     from resilience.case import Case
+    from resilience.fragility.beliefs.belief import Belief
+
+CASE: Literal["case"] = "case"
+"""What operators believe in who believe in the case's own process."""
+Believed: TypeAlias = "Scenarios | Literal['case'] | None"
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,8 @@ class Setting:
         reset_daily: the state of charge starts anew every midnight.
         error_correlation: of forecast errors from one slot to the next; None where there are none.
         ends: slots at whose end the energy left is credited.
+        believed: what operators hold of outages to come: scenarios, the case's own process, or None
+            where the storms are not the case's and nobody has said what is believed of them.
     """
 
     microgrid: Microgrid
@@ -41,6 +50,7 @@ class Setting:
     reset_daily: bool
     error_correlation: float | None
     ends: Ints
+    believed: Believed = CASE
 
     @property
     def case(self) -> Case:
@@ -62,3 +72,29 @@ class Setting:
         """(units, batch) MWh stored at the start."""
         energy = self.microgrid.start().get("ess.energy", np.empty(0))
         return np.repeat(energy[:, None], self.n, axis=1)
+
+    def belief(self, seed: int = 0) -> Belief:
+        """What is believed of outages to come, with sampled futures from a seed of its own.
+
+        Raises:
+            CaseError: the case does not say where its lines are.
+            UsageError: nobody has said what is believed.
+        """
+        if self.believed is None:
+            raise no_belief()
+        if isinstance(self.believed, Scenarios):
+            from resilience.fragility.beliefs.scenario_belief import ScenarioBelief
+
+            return ScenarioBelief(self.believed, self.lines, self.case.step_h, seed)
+        from resilience.fragility.beliefs.belief import case_belief
+
+        return case_belief(self.case, self.lines, seed=seed)
+
+
+def no_belief() -> UsageError:
+    """What to say where storms are given and nobody has said what is believed of them."""
+    return UsageError(
+        "the storms are given, and not what operators believe of them; allowed: other scenarios, "
+        "`case` for the case's own process, or `same`",
+        hint="--believe FILE; `same` tells operators what may happen, but not which of it does",
+    )

@@ -18,7 +18,7 @@ from resilience.models.simulator import NetworkSimulator, Simulator
 from resilience.models.simulator.simulator import RecourseRule
 from resilience.simulation.forecast import Outlook
 from resilience.simulation.observation import Forecast
-from resilience.simulation.setting import Setting
+from resilience.simulation.setting import CASE, Believed, Setting
 from resilience.simulation.slots import Slot, Slots, Stepper
 
 
@@ -41,6 +41,7 @@ class World:
         numbers: (scenarios,) what the scenarios are called where they are a part of more; None:
             0, 1, ... See `index`.
         recourse: how islands are closed, see `Simulator`; the bound's is always the cheapest.
+        believed: what operators hold of outages to come; see `Setting.believed`.
     """
 
     microgrid: Microgrid
@@ -52,6 +53,7 @@ class World:
     reset_daily: bool = False
     numbers: Ints | None = None
     recourse: RecourseRule = "economic"
+    believed: Believed = CASE
 
     @classmethod
     def build(
@@ -64,6 +66,7 @@ class World:
         known_centre: bool = True,
         reset_daily: bool = False,
         recourse: RecourseRule = "economic",
+        believed: Believed = CASE,
     ) -> World:
         """The world of a microgrid, simulated at the microgrid's own physics.
 
@@ -75,18 +78,20 @@ class World:
             known_centre: operators are told where the day's hazard is forecast to peak.
             reset_daily: the state of charge starts anew every midnight.
             recourse: how islands are closed, see `Simulator`.
+            believed: what operators hold of outages to come; see `Setting.believed`.
 
         Raises:
             UsageError: scenarios of another horizon, or physics that nothing simulates.
         """
         if end_value_per_mwh is None:
             end_value_per_mwh = microgrid.case.terminal_value_per_mwh
-        if scenarios.slots != microgrid.case.slots:
-            raise UsageError(
-                f"scenarios of {scenarios.slots} slots; "
-                f"allowed: {microgrid.case.slots}, as the case",
-                hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
-            )
+        for given in (scenarios, believed):
+            if isinstance(given, Scenarios) and given.slots != microgrid.case.slots:
+                raise UsageError(
+                    f"scenarios of {given.slots} slots; "
+                    f"allowed: {microgrid.case.slots}, as the case",
+                    hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
+                )
         return cls(
             microgrid,
             stepper(microgrid, recourse),
@@ -96,6 +101,7 @@ class World:
             known_centre,
             reset_daily,
             recourse=recourse,
+            believed=believed,
         )
 
     @cached_property
@@ -111,6 +117,7 @@ class World:
             reset_daily=self.reset_daily,
             error_correlation=None if self.outlook is None else self.outlook.correlation,
             ends=self.ends,
+            believed=self.believed,
         )
 
     @property

@@ -180,7 +180,7 @@ class OutageTable(Table):
         False, description="true: what midnight cuts off the bell appears at the day's other end"
     )
     overnight: bool = Field(
-        False, description="true: an outage runs on past midnight; false: it ends with its day"
+        True, description="true: an outage runs on past midnight; false: it ends with its day"
     )
     centres: Annotated[tuple[Annotated[int, Field(ge=0, lt=96)], ...], Field(strict=False)] = Field(
         (),

@@ -17,7 +17,8 @@ from resilience.dispatch.distinct_paths import distinct_paths
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.sddp.book import Book, CutSet
 from resilience.dispatch.window_program import WindowProgram, WindowRequest, WindowSteps
-from resilience.fragility.beliefs.conditional import DayDraw, LineHistory, days_reached, futures
+from resilience.fragility.beliefs.bell_belief import BellBelief
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.models.backends.highs import Highs
 from resilience.simulation.observation import Forecast
 
@@ -30,7 +31,6 @@ class LookaheadRequest:
 
     Attributes:
         t: slot of the horizon.
-        day: number of the day.
         history: what is known of the lines that can fail.
         up: (lines of the case,) line status now.
         energy: (merged units,) MWh.
@@ -39,7 +39,6 @@ class LookaheadRequest:
     """
 
     t: int
-    day: int
     history: LineHistory
     up: Bools
     energy: Floats
@@ -75,13 +74,13 @@ class Lookahead:
     def __init__(
         self, book: Book, paths: int, steps: WindowSteps = LOOKAHEAD_STEPS, seed: int = 0
     ) -> None:
-        self.book, self.paths, self.steps, self.seed = book, paths, steps, seed
+        self.book, self.paths, self.steps = book, paths, steps
         self.merged = merged_grid(book.fleet.microgrid.case)
         case = book.case
         self.lines = [case.network.line(name) for name in book.lines]
         self._programs: dict[tuple[int, int, int], WindowProgram] = {}
         self._ends: dict[tuple[int, int, int], Ints] = {}
-        self._days: dict[int, DayDraw] = {}
+        self.belief = BellBelief(book.bell, book.per_day, len(self.lines), seed)
 
     def decide(self, request: LookaheadRequest, cuts: CutSet) -> Floats:
         """(merged units,) charging power now, MW; negative is discharging."""
@@ -119,26 +118,16 @@ class Lookahead:
     def _sampled(self, request: LookaheadRequest, steps: WindowSteps) -> Futures:
         """Different paths, as many as a program is kept for: the last may stand there twice."""
         after, up = steps.horizon - 1, np.repeat(request.up[:, None, None], steps.n, axis=1)
-        down = request.history.since >= 0
+        down = request.history.is_down
         if not after or not self.lines:
             return Futures(up, np.ones(1), down[:, None])
-        per_day = self.book.per_day
-        reach = days_reached(request.history.t, after, per_day)
-        draws = [self._draw(request.day + later) for later in range(reach)]
-        later = futures(self.book.bell, request.history, after, per_day, draws)
+        later = self.belief.paths(request.history, after, self.paths)
         blocks = np.logical_or.reduceat(later, steps.starts[1:] - 1, axis=1)
         facts = np.concatenate([blocks.reshape(-1, self.paths), later[:, -1]])
         distinct = distinct_paths(facts)
         up = np.repeat(up, len(distinct.index), axis=2)
         up[self.lines, 1:] = ~blocks[:, :, distinct.index]
         return Futures(up, distinct.probability, later[:, -1, distinct.index])
-
-    def _draw(self, day: int) -> DayDraw:
-        """The draws of a day, the same in all of its slots and in every scenario."""
-        if day not in self._days:
-            rng = np.random.default_rng([self.seed, day])
-            self._days[day] = DayDraw.draw(len(self.lines), self.paths, rng)
-        return self._days[day]
 
     def _program(self, key: tuple[int, int, int], steps: WindowSteps) -> WindowProgram:
         if key not in self._programs:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats, Ints
+from resilience.arrays import Floats
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.sddp.blocks import Blocks
 from resilience.dispatch.sddp.book import Book, CutSet
@@ -14,9 +14,8 @@ from resilience.dispatch.sddp.lookahead import Lookahead, LookaheadRequest
 from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
-from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.simulation.observation import Observation
-from resilience.simulation.setting import Setting
+from resilience.simulation.setting import CASE, Setting
 
 PATHS = 20
 
@@ -48,10 +47,20 @@ class Sddp:
                 f"{case.storm.name!r}",
                 hint="use the dispatcher `stochastic`",
             )
+        if setting.believed != CASE:
+            raise UsageError(
+                "sddp learns the case's own process; allowed: a comparison that believes in `case`",
+                hint="use the dispatcher `stochastic`, or --believe case",
+            )
         self.name, self.setting = "sddp", setting
         self.book = book or Book(case)
-        self.fleet, self.memory = self.book.fleet, Memory(setting)
+        self.fleet = self.book.fleet
+        self.memory = Memory(setting, overnight=self.book.bell.overnight)
         self.lines = [case.network.line(name) for name in self.book.lines]
+        names = setting.lines
+        self._remembered = np.array(
+            [names.index(name) if name in names else -1 for name in self.book.lines], np.intp
+        )
         self.program = StageProgram(self.fleet.microgrid.stage(case.step_h, may_spill=True))
         self.lookahead = Lookahead(self.book, paths) if paths else None
         self._midnight, self._end = self.book.ends(setting.end_value_per_mwh)
@@ -105,27 +114,15 @@ class Sddp:
     def _request(
         self, observation: Observation, k: int, energy: Floats, levels: Floats
     ) -> LookaheadRequest:
-        clock, down = self.memory.clock(observation.t), ~observation.line_up[self.lines, k]
-        history = LineHistory(clock, int(observation.centre[k]), *self._remembered(k, down, clock))
+        history = self.memory.history(observation, k).of_lines(self._remembered)
         return LookaheadRequest(
             t=observation.t,
-            day=self.memory.day(observation.t),
             history=history,
             up=observation.line_up[:, k],
             energy=energy,
             levels=levels,
             forecast=observation.forecast_of(k),
         )
-
-    def _remembered(self, k: int, down: Bools, clock: int) -> tuple[Ints, Bools]:
-        """Since when each line is down (-1: it is up), and whether it has failed today."""
-        names = self.setting.lines
-        since, spent = np.where(down, clock, -1), down.copy()
-        for line, name in enumerate(self.book.lines):
-            if name in names:
-                i = names.index(name)
-                since[line], spent[line] = self.memory.since[i, k], self.memory.spent[i, k]
-        return since, spent
 
     def _levels(self, observation: Observation) -> Sequence[Floats]:
         """(levels,) per scenario: what the forecast says of the rest of the day."""

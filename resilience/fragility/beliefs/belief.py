@@ -1,25 +1,17 @@
 """What a dispatcher believes of outages to come, given what an operator has seen.
 
-`BellBelief` believes in the paper's bell (`conditional.py`), `StormBelief` in a storm on its track
-(`storm_belief.py`); `case_belief` gives a case its own.
+`BellBelief` believes in the paper's bell (`bell_day.py`), `StormBelief` in a storm on its track
+(`storm_belief.py`), `ScenarioBelief` in scenarios (`scenario_belief.py`); `case_belief` gives a
+case its own.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case.window import DAY_MIN
-from resilience.fragility.beliefs.conditional import (
-    DayDraw,
-    LineHistory,
-    chances,
-    days_reached,
-    expected_left,
-    futures,
-)
+from resilience.fragility.beliefs.bell_belief import BellBelief
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.outages.bell import Bell, case_bell
 
 if TYPE_CHECKING:
@@ -30,13 +22,18 @@ class Belief(Protocol):
     """Outages to come, as a dispatcher expects them.
 
     Attributes:
-        daily: every midnight ends all outages, and what failed may fail again.
+        daily: what failed may fail again after midnight.
+        overnight: outages run on past midnight; otherwise it ends all of them.
         longest_slots: how long an outage may last, slots of the case.
     """
 
     @property
     def daily(self) -> bool:
-        """Whether days are independent of each other."""
+        """Whether every day has a hazard of its own."""
+
+    @property
+    def overnight(self) -> bool:
+        """Whether outages run on past midnight."""
 
     @property
     def longest_slots(self) -> int:
@@ -45,7 +42,7 @@ class Belief(Protocol):
     def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down after the present slot, on equally likely paths.
 
-        The same random numbers serve in every slot of an episode.
+        The same random numbers serve in every slot of an episode, others in every episode.
         """
 
     def chances(self, history: LineHistory, slots: int) -> Floats:
@@ -53,49 +50,6 @@ class Belief(Protocol):
 
     def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots after the present one that a line which is down stays so, on average."""
-
-
-class BellBelief:
-    """The bell, days independent of each other.
-
-    Args:
-        bell: the process.
-        per_day: slots of a day.
-        lines: how many lines can fail.
-        seed: of the sampled futures; they have nothing to do with the storms to come.
-    """
-
-    daily = True
-
-    def __init__(self, bell: Bell, per_day: int, lines: int, seed: int = 0) -> None:
-        self.bell, self.per_day, self.lines, self.seed = bell, per_day, lines, seed
-        self.longest_slots = int(bell.lengths(DAY_MIN / per_day)[-1])
-        self._days: dict[tuple[int, int], DayDraw] = {}
-
-    def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
-        """(lines, slots, n) where lines are down; see `conditional.futures`."""
-        reach = days_reached(history.t, slots, self.per_day)
-        draws = [self._draw(history.day + later, n) for later in range(reach)]
-        return futures(self.bell, history, slots, self.per_day, draws)
-
-    def chances(self, history: LineHistory, slots: int) -> Floats:
-        """(lines, slots) probabilities; see `conditional.chances`."""
-        return chances(self.bell, history, slots, self.per_day)
-
-    def expected_left(self, history: LineHistory) -> Ints:
-        """(lines,) slots, cut at midnight."""
-        remaining = np.zeros(len(history.since), np.intp)
-        for k in np.flatnonzero(history.since >= 0).tolist():
-            mean = expected_left(self.bell, history.t - int(history.since[k]), self.per_day)
-            remaining[k] = min(mean, self.per_day - 1 - history.t)
-        return remaining
-
-    def _draw(self, day: int, n: int) -> DayDraw:
-        """The draws of a day, the same in all of its slots and in every scenario."""
-        if (day, n) not in self._days:
-            rng = np.random.default_rng([self.seed, day])
-            self._days[day, n] = DayDraw.draw(self.lines, n, rng)
-        return self._days[day, n]
 
 
 def case_belief(

@@ -26,7 +26,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.beliefs.conditional import LineHistory, strata
+from resilience.fragility.beliefs.bell_paths import strata
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.lines.damage import accumulated
 from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
 from resilience.fragility.outages.repair import (
@@ -63,7 +64,7 @@ class StormBelief:
             omitted. The first of equals goes first.
     """
 
-    daily = False
+    daily, overnight = False, True
 
     def __init__(
         self,
@@ -79,7 +80,7 @@ class StormBelief:
         work = repair.work_slots((np.arange(WORK_QUANTILES) + 0.5) / WORK_QUANTILES, step_h)
         self.work, self.crews = np.sort(work), repair.crews
         self.order = np.zeros(len(calm), np.intp) if order is None else order
-        self._drawn: dict[int, tuple[Floats, Floats, Floats]] = {}
+        self._drawn: dict[tuple[int, int], tuple[Floats, Floats, Floats]] = {}
 
     @classmethod
     def from_storm(cls, storm: Storm, names: tuple[str, ...], *, seed: int = 0) -> StormBelief:
@@ -114,8 +115,7 @@ class StormBelief:
     @cached_property
     def longest_slots(self) -> int:
         """Slots that 19 in 20 outages stay below, as foreseen before the storm; 1 if none is."""
-        none = np.full(len(self.calm), -1)
-        before = LineHistory(-1, -1, none, none >= 0, 0, none)
+        before = LineHistory.quiet(len(self.calm))
         length = self.paths(before, self.slots, LENGTH_PATHS).sum(axis=1)
         length = length[length > 0]
         return int(np.ceil(np.quantile(length, LONG_QUANTILE))) if len(length) else 1
@@ -125,8 +125,7 @@ class StormBelief:
 
         What cannot be leaves the weights as they were.
         """
-        first = history.first if history.first is not None else history.since
-        now = history.t + 1
+        first, now = history.first, history.t + 1
         stands = first < 0
         log = -self.fallen[:, stands, now].sum(axis=1)
         failed = np.flatnonzero(~stands)
@@ -152,7 +151,7 @@ class StormBelief:
 
     def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down after the present slot."""
-        u, length, component_u = self._draws(n)
+        u, length, component_u = self._draws(n, history.number)
         weight, now, lines = self.posterior(history), history.t + 1, len(self.calm)
         component = np.minimum(np.searchsorted(np.cumsum(weight), component_u), len(weight) - 1)
         horizon = min(slots, self.slots - now)
@@ -181,7 +180,7 @@ class StormBelief:
 
     def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots after the present one, the mean over sampled futures, rounded up."""
-        is_down = history.since >= 0
+        is_down = history.is_down
         if not is_down.any():
             return np.zeros(len(is_down), np.intp)
         # What is mended holds, so all slots in which a line is down are of the present outage.
@@ -192,7 +191,7 @@ class StormBelief:
 
     def _may_fail(self, history: LineHistory) -> Bools:
         """(lines,) True where a line has not failed yet."""
-        return (history.since < 0) & ~history.spent
+        return ~history.is_down & ~history.spent
 
     def _ongoing(self, history: LineHistory, u: Floats, work: Ints) -> OngoingOutages | None:
         """Outages of the present: who waits, and the work left on each path.
@@ -202,12 +201,12 @@ class StormBelief:
             u: (lines, paths) uniform numbers, of the work of lines whose crew has come.
             work: (lines, paths) of lines that wait.
         """
-        is_down, now = history.since >= 0, history.t + 1
+        is_down, now = history.is_down, history.t + 1
         if not is_down.any():
             return None
         came = history.since
         if self.crews is not None:
-            came = crew_since(_observed_down(history), self.calm[:, :now], self.crews, self.order)
+            came = crew_since(history.down, self.calm[:, :now], self.crews, self.order)
         remaining = np.where(is_down[:, None], work, 0)
         for k in np.flatnonzero(came >= 0).tolist():
             done = int(self.calm[k, came[k] : now].sum())
@@ -218,22 +217,14 @@ class StormBelief:
             remaining, np.where(is_down, history.since - now, 0), is_down & (came < 0)
         )
 
-    def _draws(self, n: int) -> tuple[Floats, Floats, Floats]:
+    def _draws(self, n: int, number: int) -> tuple[Floats, Floats, Floats]:
         """Stratified numbers: failure and length of work (lines, n), and component (n,)."""
-        if n not in self._drawn:
-            rng = np.random.default_rng([self.seed, n])
+        if (n, number) not in self._drawn:
+            rng = np.random.default_rng([self.seed, n, number])
             u, length = (np.array([strata(n, rng) for _ in self.calm]) for _ in range(2))
             shape = (len(self.calm), n)
-            self._drawn[n] = u.reshape(shape), length.reshape(shape), strata(n, rng)
-        return self._drawn[n]
-
-
-def _observed_down(history: LineHistory) -> Bools:
-    """(lines, t + 1) where lines were seen down: of those that are, where no more is remembered."""
-    if history.down is not None:
-        return history.down
-    slot = np.arange(history.t + 1)
-    return (history.since[:, None] >= 0) & (slot >= history.since[:, None])
+            self._drawn[n, number] = u.reshape(shape), length.reshape(shape), strata(n, rng)
+        return self._drawn[n, number]
 
 
 def _factor(correlation: float) -> tuple[Floats, Floats]:

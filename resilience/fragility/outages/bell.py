@@ -65,7 +65,7 @@ class Bell:
     common_draw: bool = False
     refail: bool = False
     wrap: bool = False
-    overnight: bool = False
+    overnight: bool = True
     centres: tuple[int, ...] = ()
     centre_error_slots: int = 0
     rate: bool = False

@@ -16,6 +16,7 @@ import numpy as np
 from resilience.arrays import Floats, Ints
 from resilience.case.schema import GridTable
 from resilience.dispatch.memory import Memory
+from resilience.fragility.outages.bell import case_bell
 from resilience.rl.ground.eyes import Eyes, ObservationBlock
 from resilience.simulation.observation import Forecast, Observation
 from resilience.simulation.setting import Setting
@@ -56,7 +57,7 @@ class Observer(Eyes):
         super().__init__(setting)
         case = setting.case
         self.daily = case.storm is None or not case.storm.points
-        self.memory = Memory(setting, self.daily)
+        self.memory = Memory(setting, daily=self.daily, overnight=case_bell(case).overnight)
         self.window, self.ahead = case.window, _slots_ahead(case.step_h)
         self._read_devices()
         self.blocks = self._blocks()
@@ -145,7 +146,7 @@ class Observer(Eyes):
         if world is None:
             world = np.empty((self.size - len(self._low), up.shape[1]), np.float32)
         parts = [world[rows] for rows in self._rows]
-        down_h = (self.memory.clock(t) - self.memory.since + 1) * self.setting.case.step_h
+        down_h = (t - self.memory.since + 1) * self.setting.case.step_h
         parts[0][:] = up
         parts[1][:] = np.where(up, 0.0, down_h) / REFERENCE_H
         parts[2][:] = self.memory.spent

@@ -13,7 +13,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.dispatch.mpc import MPC, BlindMPC
 from resilience.dispatch.window_program import WindowRequest, WindowSteps
-from resilience.fragility.beliefs.conditional import LineHistory
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.simulation.observation import Observation, parts_of
@@ -31,7 +31,7 @@ class Omen:
     has no answer.
     """
 
-    daily = False
+    daily, overnight = False, True
     longest_slots = 2
 
     def __init__(self) -> None:

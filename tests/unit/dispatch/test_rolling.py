@@ -304,7 +304,7 @@ def test_mpc_keeps_a_reserve_while_a_storm_may_come_and_sells_it_afterwards(worl
     for spent in (False, True):
         mpc = MPC(world.setting)
         now = seen(world, 72)
-        mpc.memory.spent[:] = spent
+        mpc.memory.down[:, :, 40:52] = spent
         evening = Observation(72, now.energy, np.ones((37, 3), bool), now.island * 0,
                               np.full(3, 72), now.forecast, now.data)  # fmt: skip
         energies.append(parts_of(mpc.act(evening))[0].sum())

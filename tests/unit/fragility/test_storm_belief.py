@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from resilience.fragility.beliefs.conditional import LineHistory
+from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing, accumulated, failed_by
 from resilience.fragility.lines.spans import (
@@ -18,6 +18,7 @@ from resilience.fragility.lines.spans import (
 )
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.storms import sample_storms
+from tests.histories import history
 
 SLOTS = 12
 SPEED = 62.0 - 4.0 * np.abs(np.arange(SLOTS) - 6.0)  # rises to slot 6, then falls
@@ -46,8 +47,8 @@ def belief(correlation: float, repair: Repair = FIXED) -> StormBelief:
 
 def known(t: int, **failed: int) -> LineHistory:
     """Lines that failed in a slot and are down still; all others are up."""
-    first = np.array([failed.get(name, -1) for name in NAMES])
-    return LineHistory(t, -1, first.copy(), first >= 0, 0, first)
+    first = np.array([failed.get(name, SLOTS) for name in NAMES])
+    return history(np.arange(t + 1) >= first[:, None])
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.3, 0.8])
@@ -133,6 +134,7 @@ def test_a_crew_that_was_free_came_with_the_failure() -> None:
 
 
 def test_a_mended_line_is_believed_to_hold() -> None:
-    first = np.array([-1, 1, -1])
-    mended = LineHistory(5, -1, np.full(3, -1), first >= 0, 0, first)
+    down = np.zeros((3, 6), bool)
+    down[1, 1] = True
+    mended = history(down)
     assert belief(0.3).chances(mended, SLOTS)[1].sum() == 0.0

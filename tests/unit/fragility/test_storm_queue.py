@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from resilience.arrays import Bools
-from resilience.fragility.beliefs.conditional import LineHistory
 from resilience.fragility.beliefs.storm_belief import StormBelief
 from resilience.fragility.lines.damage import Timing
 from resilience.fragility.lines.spans import SpanWind, poles_in_series
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.storms import Sampling, sample_storms
+from tests.histories import history
 
 NAMES = ("a", "b", "c", "d")
 HOURLY = Timing(step_h=1.0)
@@ -43,15 +43,6 @@ def drawn(of: Any, n: int, seed: int = 1) -> Bools:
     ).down  # fmt: skip
 
 
-def known(past: Bools) -> LineHistory:
-    """What somebody knows who saw the lines (lines, t + 1)."""
-    t, before = past.shape[1] - 1, np.pad(past, ((0, 0), (1, 0)))[:, :-1]
-    slot = np.arange(t + 1)
-    latest = np.where(past & ~before, slot, -1).max(axis=1)
-    first = np.where(past.any(axis=1), past.argmax(axis=1), -1)
-    return LineHistory(t, -1, np.where(past[:, -1], latest, -1), first >= 0, 0, first, past)
-
-
 @pytest.mark.parametrize(
     ("repair", "left"),
     [
@@ -66,7 +57,7 @@ def test_lines_that_wait_for_a_crew_are_not_mended(repair: Repair, left: list[in
     down = drawn(of, 1)[:, :, 0]
     assert down[:, 0].all()
     assert down[:, 21:].sum(axis=1).tolist() == left
-    assert StormBelief.from_storm(of, NAMES).expected_left(known(down[:, :21])).tolist() == left
+    assert StormBelief.from_storm(of, NAMES).expected_left(history(down[:, :21])).tolist() == left
 
 
 def test_a_line_in_work_keeps_its_crew_when_one_of_higher_priority_fails() -> None:
@@ -74,7 +65,7 @@ def test_a_line_in_work_keeps_its_crew_when_one_of_higher_priority_fails() -> No
     of = storm(np.full(40, 5.0), Repair("fixed", (8.0,), crews=1, priority={"c": 1.0}))
     past = np.zeros((4, 6), bool)
     past[0, 2:] = past[1, 3:] = past[2, 4:] = True
-    assert StormBelief.from_storm(of, NAMES).expected_left(known(past)).tolist() == [4, 20, 12, 0]
+    assert StormBelief.from_storm(of, NAMES).expected_left(history(past)).tolist() == [4, 20, 12, 0]
 
 
 def test_crews_are_expected_out_where_half_the_members_let_them_work() -> None:
@@ -116,7 +107,7 @@ def test_outages_go_on_as_in_all_storms_that_look_the_same(repair: Repair) -> No
             if alike[:, t, 0].sum() < 2 or count[k] < 800:
                 continue
             later = alike[:, t + 1 :]
-            paths = found.paths(known(alike[:, : t + 1, 0]), later.shape[1], n)
+            paths = found.paths(history(alike[:, : t + 1, 0]), later.shape[1], n)
             often, believed = later.mean(axis=2), paths.mean(axis=2)
             both = (often * count[k] + believed * n) / (count[k] + n)
             error = np.sqrt(np.maximum(both * (1 - both), 2e-3) * (1 / count[k] + 1 / n))
