@@ -135,6 +135,7 @@ def compare(
     draws: options.Draws = 32,
     seed: options.Seed = 0,
     scenarios: options.ScenarioFile = None,
+    believe: options.Believe = None,
     physics: options.OnePhysics = "copperplate",
     end_value: options.EndValue = None,
     forecast_error: options.ForecastErrors = "none",
@@ -163,6 +164,7 @@ def compare(
             draws=draws,
             seed=seed,
             scenarios=scenarios,
+            believe=believe,
             physics=physics,  # type: ignore[arg-type]
             end_value_per_mwh=end_value,
             forecast_error=forecast_error,

@@ -138,6 +138,14 @@ ScenarioFile = Annotated[
     Path | None,
     Option(help="Outage paths in place of draws: what `resilience scenarios --out` writes."),
 ]
+Believe = Annotated[
+    str | None,
+    Option(
+        metavar="FILE",
+        help="What operators believe of outages to come where --scenarios are given: other "
+        "scenarios, `case` for the case's own process, or `same`.",
+    ),
+]
 OnePhysics = Annotated[
     str, Option(help="Of everybody, the bound included: copperplate or lindistflow.")
 ]

@@ -36,11 +36,13 @@ class DispatcherEntry:
             are given one scenario at a time in a comparison; see `evaluation.runs`.
         plans_for: whether it plans for one future or for many, both for their mean cost; None
             where it does not plan, or for something else than the mean.
+        believes: it acts on a belief in outages to come, see `Setting.belief`.
     """
 
     make: Factory
     batched: bool = False
     plans_for: Futures | None = None
+    believes: bool = False
 
     def __call__(self, setting: Setting) -> Dispatcher:
         """A fresh dispatcher."""
@@ -103,10 +105,10 @@ DISPATCHERS: dict[str, Factory] = {
     "rule": DispatcherEntry(partial(_rule, level=0.5), batched=True),
     REFERENCE: DispatcherEntry(partial(_rule, level=0.9), batched=True),
     "mpc-blind": DispatcherEntry(_mpc_blind, plans_for="one"),
-    "mpc": DispatcherEntry(_mpc, plans_for="one"),
-    "stochastic": DispatcherEntry(_stochastic, plans_for="many"),
-    "stochastic-cvar": DispatcherEntry(_stochastic_cvar),
-    "sddp": DispatcherEntry(_sddp, plans_for="many"),
+    "mpc": DispatcherEntry(_mpc, plans_for="one", believes=True),
+    "stochastic": DispatcherEntry(_stochastic, plans_for="many", believes=True),
+    "stochastic-cvar": DispatcherEntry(_stochastic_cvar, believes=True),
+    "sddp": DispatcherEntry(_sddp, plans_for="many", believes=True),
 }
 """What makes each dispatcher, by name; `register_dispatcher` adds to them."""
 

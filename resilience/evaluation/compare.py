@@ -38,6 +38,7 @@ from resilience.simulation.forecast import (
     sample_outlook,
 )
 from resilience.simulation.powers import demand
+from resilience.simulation.setting import CASE, Believed, no_belief
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World, microgrid_with_fallible_lines
 
@@ -58,6 +59,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     draws: int = 32,
     seed: int = 0,
     scenarios: Scenarios | str | Path | None = None,
+    believe: Scenarios | str | Path | None = None,
     physics: Physics = "copperplate",
     end_value_per_mwh: float | None = None,
     forecast_error: ForecastError | str | None = None,
@@ -81,6 +83,10 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
             say little of a method that sheds rarely.
         seed: of the outage paths, and, as a stream of its own, of the forecast errors.
         scenarios: outage paths, or their file, to use in place of draws; `days` must be theirs.
+        believe: what operators hold of outages to come: other outage paths, or their file, over the
+            same days; "case", the case's own process, as where storms are drawn; or "same", the
+            very scenarios that come, though nobody is told which. To be named with `scenarios` by
+            whoever plans ahead: the case's process may have nothing to do with them.
         physics: of everybody, the bound included.
         end_value_per_mwh: worth of energy left, $/MWh; the case's terminal value if omitted.
         forecast_error: how load and PV differ from their forecast: "ar1" with the measured
@@ -97,7 +103,8 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     Raises:
         CaseError: the case has mistakes; all of them are listed.
         UsageError: an unknown method, engine or forecast error; more days than the profiles keep
-            for tests; scenarios of another horizon; physics that nothing simulates; a folder that
+            for tests; scenarios of another horizon; storms that are given without a belief for a
+            method that has one; physics that nothing simulates; a folder that
             holds something else.
         FileError: a folder that cannot be written to.
     """
@@ -109,6 +116,9 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         check_range("end value", end_value_per_mwh, -limit, limit, hint="$/MWh")
     case = held_out(case if isinstance(case, Case) else load_case(case), days)
     storms = _storms(case, scenarios, draws, seed)
+    believed = _believed(case, believe, storms, are_given=scenarios is not None)
+    if believed is None and any(getattr(make, "believes", False) for make in makers.values()):
+        raise no_belief()
     world = World.build(
         microgrid_with_fallible_lines(case, storms, physics),
         storms,
@@ -116,6 +126,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         outlook=sample_outlook(case, error, storms.n, _error_seed(seed)) if error else None,
         known_centre=known_centre,
         reset_daily=reset_daily,
+        believed=believed,
     )
     return evaluate(
         world,
@@ -134,6 +145,26 @@ def _storms(case: Case, source: Scenarios | str | Path | None, draws: int, seed:
     if isinstance(source, str | Path):
         return load_scenarios(source, case)
     return source or sample_case(case, draws, seed)
+
+
+def _believed(
+    case: Case, source: Scenarios | str | Path | None, storms: Scenarios, *, are_given: bool
+) -> Believed:
+    """What operators hold of outages to come, as a user says it.
+
+    Args:
+        case: over the horizon of the evaluation.
+        source: what the user says.
+        storms: that are coming.
+        are_given: they are not drawn from the case's own process.
+    """
+    if source is None:
+        return None if are_given else CASE
+    if isinstance(source, Scenarios):
+        return source
+    if str(source) == CASE:
+        return CASE
+    return storms if str(source) == "same" else load_scenarios(source, case)
 
 
 def evaluate(

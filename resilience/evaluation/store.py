@@ -18,6 +18,7 @@ from resilience.digest import digest_of, feed
 from resilience.dispatch.registry import DISPATCHERS, Factory
 from resilience.errors import CertificateError, UsageError
 from resilience.evaluation.comparison import check_bound
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.case_program import case_cost_scale
 from resilience.models.program.gate import HINT, of_file
 from resilience.results import PARTS_FOLDER
@@ -105,12 +106,15 @@ def code() -> str:
 
 def _facts(world: World) -> list[object]:
     """What a part depends on apart from its method."""
+    believed = world.believed
     settings = [
         world.end_value_per_mwh,
         world.known_centre,
         world.reset_daily,
         world.recourse,
         world.index,
+        believed,
+        believed.probability if isinstance(believed, Scenarios) else None,
     ]
     return [world.microgrid.case, world.microgrid.physics, world.scenarios, world.outlook, settings]
 
