@@ -142,6 +142,7 @@ def compare(
     unknown_centre: options.UnknownCentre = False,
     reset_daily: options.ResetDaily = False,
     ac: options.AC = False,
+    check_causality: options.CheckCausality = False,
     workers: options.Workers = 1,
     engine: options.EngineName = "local",
     out: options.ReportFolder = None,
@@ -173,6 +174,7 @@ def compare(
             workers=workers,
             engine=engine,  # type: ignore[arg-type]
             ac=ac,
+            causality=check_causality,
             out=out,
             save=False,
         )

@@ -146,6 +146,10 @@ Believe = Annotated[
         "scenarios, `case` for the case's own process, or `same`.",
     ),
 ]
+CheckCausality = Annotated[
+    bool,
+    Option("--check-causality", help="First check that no method acts on what is yet to come."),
+]
 OnePhysics = Annotated[
     str, Option(help="Of everybody, the bound included: copperplate or lindistflow.")
 ]

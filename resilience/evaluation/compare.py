@@ -18,6 +18,7 @@ from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError, check_range
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
+from resilience.evaluation.causality import causality_text, check_causality
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import measure
@@ -29,7 +30,7 @@ from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.inputs import to_number
 from resilience.models.microgrid import Physics
-from resilience.progress import interruptible, phase
+from resilience.progress import interruptible, notice, phase
 from resilience.results import COMPARISON, check_replaceable
 from resilience.simulation.forecast import (
     MEASURED_CORRELATION,
@@ -68,6 +69,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     workers: int = 1,
     engine: Engine = "local",
     ac: bool = False,
+    causality: bool = False,
     out: str | Path | None = None,
     save: bool = True,
 ) -> Report:
@@ -96,6 +98,8 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         workers: processes; numbers do not depend on them.
         engine: local, dask or ray; nor on it.
         ac: certifies all trajectories by AC power flow.
+        causality: first checks that no method acts on what has not happened yet, see
+            `check_causality`.
         out: folder for the report; every finished part is written to it at once, and a call that
             was interrupted goes on from there.
         save: whether the report is written there, too, once it is complete.
@@ -107,6 +111,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
             method that has one; physics that nothing simulates; a folder that
             holds something else.
         FileError: a folder that cannot be written to.
+        CertificateError: a method that acts on the future, where that is checked.
     """
     if out is not None:
         check_replaceable(Path(out), COMPARISON)
@@ -128,6 +133,9 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         reset_daily=reset_daily,
         believed=believed,
     )
+    if causality:
+        slots = check_causality(world, makers)
+        notice(causality_text(makers, slots, world))
     return evaluate(
         world,
         makers,

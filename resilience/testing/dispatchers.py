@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
+from resilience.evaluation.causality import with_another_future
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.simulation.forecast import ForecastError, sample_outlook
@@ -89,14 +89,14 @@ def check_dispatcher(
     Raises:
         AssertionError: the first rule that is broken, with value and what is allowed.
     """
-    world = world or small_world()
+    world, rng = world or small_world(), np.random.default_rng(0)
     slot = world.microgrid.case.slots // 2 if at_slot is None else at_slot
     for k in range(world.scenarios.n):
         episode = world.with_scenarios(np.array([k]))
         trajectory, actions = _run(make_dispatcher, episode)
         _check_limits(episode.microgrid.case, trajectory)
         _check_bound(episode, trajectory)
-        _, changed = _run(make_dispatcher, with_another_future(episode, slot))
+        _, changed = _run(make_dispatcher, with_another_future(episode, slot, rng))
         difference = np.abs(actions[: slot + 1] - changed[: slot + 1])
         assert difference.max(initial=0.0) <= FUTURE_TOLERANCE, (
             f"{trajectory.name}: in slot {int(difference.max(axis=(1, 2)).argmax())} it acts on "
@@ -104,18 +104,6 @@ def check_dispatcher(
             "of a stream that `setting.numbers` keys"
         )
     return trajectory
-
-
-def with_another_future(world: World, slot: int) -> World:
-    """The same world up to a slot; afterwards what was up is down, and forecasts err otherwise."""
-    scenarios, outlook = world.scenarios, world.outlook
-    down = scenarios.down.copy()
-    down[:, slot + 1 :] = ~down[:, slot + 1 :]
-    if outlook is not None:
-        error = outlook.error.copy()
-        error[:, slot + 1 :] *= -1.0
-        outlook = replace(outlook, error=error)
-    return replace(world, scenarios=replace(scenarios, down=down), outlook=outlook)
 
 
 class _Recorder:
