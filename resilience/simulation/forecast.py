@@ -3,9 +3,12 @@ r"""Forecast errors: what load and PV turn out to be, given what was forecast.
 $$ x_t = \max(0, \hat x_t (1 + e_t)), \qquad
    e_t = \rho e_{t-1} + \sigma \sqrt{1 - \rho^2}\, w_t, \qquad w_t \sim N(0, 1) $$
 
-The standard deviation of $e_t$ is $\sigma$ in every slot. $\rho = 0$ is the paper: independent
-errors. The day-ahead forecast of German load in July and August 2022 (ENTSO-E) has $\sigma$ = 2.5 %
-and, from one quarter of an hour to the next, $\rho$ = 0.97: errors last for hours.
+The standard deviation of $e_t$ is $\sigma$ in every slot. A share $c$ of its variance is common to
+all profiles of the feeder, the weather's part:
+$w_t = \sqrt{c}\, w_t^\text{all} + \sqrt{1 - c}\, w_t^\text{own}$. $\rho = 0$ is the paper:
+independent errors. The day-ahead forecast of German load in July and August 2022 (ENTSO-E) has
+$\sigma$ = 2.5 % and, from one quarter of an hour to the next, $\rho$ = 0.97: errors last for hours.
+A feeder errs by more than a nation, in which errors of places cancel.
 """
 
 from __future__ import annotations
@@ -25,15 +28,18 @@ if TYPE_CHECKING:
 
 MEASURED_SIGMA = 0.025
 MEASURED_CORRELATION = 0.97
+FEEDER_SIGMA = 0.1  # of a feeder, a few thousand customers instead of a nation
+FEEDER_COMMON = 0.7
 
 
 @dataclass(frozen=True)
 class ForecastError:
-    """Errors relative to the forecast, independent between profiles.
+    """Errors relative to the forecast.
 
     Attributes:
         sigma: standard deviation, per unit of the forecast.
         correlation: between one slot of 15 minutes and the next; 0: the paper's Gaussian.
+        common: share of the variance that all profiles have in common; 0: each errs by itself.
 
     Raises:
         UsageError: a value out of range.
@@ -41,11 +47,18 @@ class ForecastError:
 
     sigma: float = MEASURED_SIGMA
     correlation: float = MEASURED_CORRELATION
+    common: float = 0.0
 
     def __post_init__(self) -> None:
         check_range("sigma", self.sigma, 0.0, 1.0, hint="0.025 is measured")
         hint = "0 is the paper's, 0.97 is measured"
         check_range("correlation", self.correlation, 0.0, 1.0, hint=hint, below=True)
+        check_range("common share", self.common, 0.0, 1.0, hint="0.7 is usual for a feeder")
+
+    def __str__(self) -> str:
+        """How reports call it."""
+        common = f", {self.common:.0%} common" if self.common else ""
+        return f"sigma {self.sigma:g}, correlation {self.correlation:g}{common}"
 
     def correlation_of(self, step_min: float) -> float:
         """The correlation between a slot of this length, minutes, and the next."""
@@ -74,7 +87,12 @@ class ForecastError:
         rho = self.correlation_of(step_min)
         errors = np.empty((profiles, slots, n))
         for k, stream in enumerate(rng.spawn(n)):
-            errors[:, :, k] = stream.standard_normal((slots, profiles)).T
+            # Slot by slot, what all have in common last, so that a longer horizon begins alike.
+            w = stream.standard_normal((slots, profiles + (self.common > 0.0))).T
+            errors[:, :, k] = w[:profiles]
+            if self.common > 0.0:
+                own, shared = np.sqrt([1.0 - self.common, self.common])
+                errors[:, :, k] = own * w[:profiles] + shared * w[-1]
         errors[:, 1:] *= np.sqrt(1.0 - rho**2)
         for t in range(1, slots):
             errors[:, t] += rho * errors[:, t - 1]

@@ -29,6 +29,20 @@ def test_variance_and_autocorrelation(rho: float, step_min: float) -> None:
     assert across == pytest.approx(0.0, abs=4 / np.sqrt(N))
 
 
+def test_a_share_of_the_variance_is_common_to_all_profiles() -> None:
+    """Two profiles are correlated by that share; the rest of the law stays as it is."""
+    error = ForecastError(SIGMA, 0.97, 0.7).errors(3, 30, N, np.random.default_rng(1))
+    assert error.std(axis=2) == pytest.approx(SIGMA, rel=4 / np.sqrt(2 * N))
+    for slot in (0, 29):
+        across = np.corrcoef(error[:, slot])
+        off = across[~np.eye(3, dtype=bool)]
+        assert off == pytest.approx(0.7, abs=4 * (1 - 0.7**2) / np.sqrt(N))
+    lag = np.corrcoef(error[0, 10], error[0, 18])[0, 1]
+    assert lag == pytest.approx(0.97**8, abs=0.02)
+    same = ForecastError(SIGMA, 0.5, 1.0).errors(2, 5, 3, np.random.default_rng(2))
+    assert np.array_equal(same[0], same[1])
+
+
 def test_errors_are_relative_and_power_is_never_negative() -> None:
     forecast = np.array([[0.0, 0.5, 1.0]])
     found = ForecastError(0.9, 0.0).sample(forecast, 500, np.random.default_rng(2))
@@ -41,9 +55,10 @@ def test_errors_are_relative_and_power_is_never_negative() -> None:
     )
 
 
-def test_a_seed_repeats_and_more_begins_alike() -> None:
+@pytest.mark.parametrize("common", [0.0, 0.4])
+def test_a_seed_repeats_and_more_begins_alike(common: float) -> None:
     def draw(slots: int, n: int) -> np.ndarray:
-        return ForecastError().errors(3, slots, n, np.random.default_rng(3))
+        return ForecastError(common=common).errors(3, slots, n, np.random.default_rng(3))
 
     usual = draw(20, 4)
     assert np.array_equal(usual, draw(20, 4))
