@@ -19,7 +19,7 @@ from resilience.dispatch.registry import Factory
 from resilience.errors import CertificateError
 from resilience.fragility.outages.bell import REFERENCE_SLOTS
 from resilience.progress import meter
-from resilience.simulation.observation import Dispatcher, Observation
+from resilience.simulation.observation import Action, Dispatcher, Observation, parts_of
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
 
@@ -37,10 +37,11 @@ class _Recorder:
     last: int
     actions: list[Floats]
 
-    def act(self, observation: Observation) -> Floats:
+    def act(self, observation: Observation) -> Action:
         """The dispatcher's action."""
         action = self.dispatcher.act(observation)
-        self.actions.append(np.array(action, float))
+        said = [np.array(part, float) for part in parts_of(action) if part is not None]
+        self.actions.append(np.concatenate(said))
         if observation.t == self.last:
             raise _EnoughSeenError
         return action
@@ -113,7 +114,7 @@ def with_another_future(world: World, slot: int, rng: np.random.Generator) -> Wo
 
 
 def _actions(world: World, make: Factory, last: int) -> Floats:
-    """(slots, units, batch) what a fresh dispatcher does up to a slot."""
+    """(slots, units, batch) what a fresh dispatcher does up to a slot, rations included."""
     recorder = _Recorder("recorder", make(world.setting), last, [])
     with contextlib.suppress(_EnoughSeenError):
         simulate(world, recorder)

@@ -18,6 +18,7 @@ from resilience.evaluation.measures import statistics
 from resilience.evaluation.measures.measures import infrastructure
 from resilience.evaluation.saving import save_report
 from resilience.evaluation.verdict import few_events
+from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.weights import worth
 
 if TYPE_CHECKING:
@@ -67,8 +68,20 @@ class Report(Judged):
             f"energy left worth {self.end_value_per_mwh:g} $/MWh",
             f"forecast errors: {self.forecast_error}",
             *centre,
+            *((f"believed: {self.belief}",) if self.belief else ()),
             *(() if self.world.recourse == "economic" else ("the paper's recourse",)),
         )
+
+    @property
+    def belief(self) -> str:
+        """What operators hold of outages to come, in words; empty where it goes without saying:
+        where storms are drawn from the process that is believed, or where nobody holds anything.
+        """
+        believed, storms = self.world.believed, self.scenarios
+        if isinstance(believed, Scenarios):
+            is_same = np.array_equal(believed.down, storms.down)
+            return "the storms that come, in-sample" if is_same else f"{believed.n} other scenarios"
+        return "" if believed is None or storms.seed is not None else "the case's own process"
 
     @property
     def triviality(self) -> statistics.Triviality:
@@ -107,6 +120,7 @@ class Report(Judged):
             "end_value_per_mwh": self.end_value_per_mwh,
             "forecast_error": self.forecast_error,
             "known_centre": self.world.known_centre,
+            "belief": self.belief,
             "reset_daily": self.world.reset_daily,
             "recourse": self.world.recourse,
             "warnings": list(self.warnings),

@@ -134,9 +134,15 @@ def test_who_plans_ahead_is_told_what_to_believe_of_given_storms() -> None:
 
 def test_a_belief_changes_what_is_done() -> None:
     """The case's bell knows nothing of outages of 7 to 15 hours from about noon."""
-    costs = {}
+    costs, said = {}, {}
     for name, believe in (("case", "case"), ("other", storms(1, 30)), ("same", "same")):
         found = compare("ieee33-tou", ["mpc"], days=1, scenarios=storms(0, 2), believe=believe)
         costs[name] = float(found.objective["mpc"].mean())
+        said[name] = found.summary()["belief"]
+        assert f"believed: {said[name]}" in found.setting
     assert len(set(costs.values())) == 3
     assert costs["other"] < costs["case"]
+    assert said == {
+        "case": "the case's own process", "other": "30 other scenarios",
+        "same": "the storms that come, in-sample",
+    }  # fmt: skip

@@ -11,6 +11,7 @@ torch = pytest.importorskip("torch", reason="learners need torch")
 
 import resilience as rs  # noqa: E402
 from resilience.arrays import Floats  # noqa: E402
+from resilience.evaluation.causality import with_another_future  # noqa: E402
 from resilience.evaluation.clairvoyant import Replay  # noqa: E402
 from resilience.fragility.outages.scenarios import Scenarios  # noqa: E402
 from resilience.models.microgrid import Microgrid  # noqa: E402
@@ -23,7 +24,6 @@ from resilience.simulation.setting import Setting  # noqa: E402
 from resilience.simulation.simulate import simulate  # noqa: E402
 from resilience.simulation.world import World  # noqa: E402
 from resilience.testing import small_case, small_world  # noqa: E402
-from resilience.testing.dispatchers import with_another_future  # noqa: E402
 from tests.unit.rl.grounds import world_of  # noqa: E402
 
 
@@ -91,7 +91,7 @@ def test_nothing_that_comes_later_is_seen() -> None:
     world = small_world()
     for slot in (2, 4, 6):
         both = []
-        for there in (world, with_another_future(world, slot)):
+        for there in (world, with_another_future(world, slot, np.random.default_rng(0))):
             watcher = Watcher(there.setting)
             simulate(there, watcher)
             both.append(np.array(watcher.observed))
