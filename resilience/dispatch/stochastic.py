@@ -1,16 +1,20 @@
 """The hazard-aware fan: a two-stage program over sampled outage paths, solved anew every slot.
 
-The first slot is common to all paths; from the second on, each path knows its own outages. Paths
-that are alike become one of their common probability; where none has an outage, that is a chain.
+The first slot is common to all paths; from the second on, each path knows its own outages, and
+where forecasts err its own load and PV. Where they do not, paths that are alike become one of their
+common probability; where none has an outage, that is a chain.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.dispatch.distinct_paths import distinct_paths
 from resilience.dispatch.end_value import fuel_value, stored_energy_value
+from resilience.dispatch.error_paths import ErrorPaths
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.window_program import (
@@ -47,6 +51,7 @@ class Stochastic:
         memory: of line failures; to be updated once in every slot.
         value: (units, slots + 1) $ per MWh stored at the start of every slot, and at the end.
         fuel_value: (tanks, slots + 1) $ per m³ likewise, beyond its price.
+        errors: of load and PV to come.
         programs: by number of paths, each built when it is first needed; they keep their bases.
     """
 
@@ -72,6 +77,7 @@ class Stochastic:
         self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
         self.fuel_value = fuel_value(setting.case)
         self.burners = sum(unit.tank is not None for unit in setting.case.generator)
+        self.errors = ErrorPaths(setting, paths, seed)
         self.programs: dict[int, WindowProgram] = {}
 
     def act(self, observation: Observation) -> Action:
@@ -88,10 +94,17 @@ class Stochastic:
                 probability,
                 observation.forecast_of(k),
                 self.value[:, end],
+                off=self._off(observation.t, k),
                 fuel=fuel_of(observation, k, self.fuel_value[:, end]),
             )
             answer.note(k, self._program(len(probability)).decisions(request))
         return answer.action
+
+    def _off(self, t: int, k: int) -> Mapping[str | None, Floats] | None:
+        """How load and PV of scenario k may come to be off their forecast, path by path."""
+        if self.setting.error_law is None:
+            return None
+        return self.errors.ahead(int(self.setting.numbers[k]), t, self.steps.horizon)
 
     def _paths(self, observation: Observation, k: int) -> tuple[Bools, Floats]:
         """(lines of the case, steps, paths) status and (paths,) probability of different paths.
@@ -102,6 +115,11 @@ class Stochastic:
         history = memory.history(observation, k)
         down = self.belief.paths(history, steps.horizon - 1, self.paths)
         blocks = np.logical_or.reduceat(down, steps.starts[1:] - 1, axis=1)
+        if self.setting.error_law is not None:  # each path has a load of its own
+            up = np.ones((len(observation.line_up), steps.n, self.paths), bool)
+            up[:, 0] = observation.line_up[:, [k]]
+            up[memory.lines, 1:] = ~blocks
+            return up, np.full(self.paths, 1.0 / self.paths)
         distinct = distinct_paths(blocks.reshape(-1, self.paths), as_sampled=True)
         up = np.ones((len(observation.line_up), steps.n, len(distinct.index)), bool)
         up[:, 0] = observation.line_up[:, [k]]

@@ -8,6 +8,7 @@ right-hand sides and the cost vector, so a program is built once and keeps its b
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -100,6 +101,8 @@ class WindowRequest:
         value: (units,) $ per MWh left at the end of the steps.
         reserve: level in MWh and price in $/MWh, (buses with storage, steps) each, where there is
             one.
+        off: what may be added to the forecast of a profile by name, (slots of the steps, paths),
+            nothing in the first slot; None: the forecast is exact.
         fuel: m³ in every tank, and $ per m³, beyond its price, of what is left at the end of the
             steps, (tanks,) each; None without tanks.
     """
@@ -112,6 +115,7 @@ class WindowRequest:
     value: Floats
     reserve: tuple[Floats, Floats] | None = None
     fuel: tuple[Floats, Floats] | None = None
+    off: Mapping[str | None, Floats] | None = None
 
     @property
     def states(self) -> dict[str, Floats]:
@@ -249,11 +253,11 @@ class WindowProgram:
         slots = np.minimum(request.t + np.arange(steps.horizon), last)
         followed = [n for n in profiles_of(merged.microgrid) if n not in merged.mixed]
         members = [name for names, _ in merged.mixed.values() for name in names]
-        means = {
-            name: np.add.reduceat(request.forecast(name, slots), steps.starts) / steps.width
+        at_node = {
+            name: self._at_nodes(request, name, slots)
             for name in dict.fromkeys([*followed, *members])
         }
-        profile = merged.profile(lambda name: means[name][self.step_of])
+        profile = merged.profile(lambda name: at_node[name])
         up = request.up[:, self.step_of, self.path_of]
         is_last = (steps.starts <= last - request.t) & (
             last - request.t < steps.starts + steps.width
@@ -271,6 +275,16 @@ class WindowProgram:
             data["reserve.level"] = level[:, self.step_of]
             data["reserve.price"] = price[:, self.step_of]
         return data
+
+    def _at_nodes(self, request: WindowRequest, name: str | None, slots: Ints) -> Floats:
+        """(nodes,) mean of a profile over the step of every node, on its path."""
+        steps, values = self.steps, request.forecast(name, slots)
+        off = None if request.off is None else request.off.get(name)
+        if off is None:
+            return (np.add.reduceat(values, steps.starts) / steps.width)[self.step_of]
+        sampled = np.maximum(values[:, None] + off, 0.0)
+        means = np.add.reduceat(sampled, steps.starts, axis=0) / steps.width[:, None]
+        return means[self.step_of, self.path_of]
 
     def vectors(self, request: WindowRequest, data: dict[str, Floats] | None = None) -> Vectors:
         """All numbers of the program for a request; `data` if its data are there already."""

@@ -149,11 +149,13 @@ class Outlook:
         names: the profiles that are forecast; all others are known.
         error: (profiles, slots, scenarios) relative errors, see `ForecastError.errors`.
         correlation: of the errors, from one slot to the next.
+        law: of the errors, as operators know it; None: nobody expects any beyond the present one.
     """
 
     names: tuple[str, ...]
     error: Floats
     correlation: float
+    law: ForecastError | None = None
 
     def true(self, name: str | None, values: Floats, slots: Ints) -> Floats:
         """(len(slots), scenarios) what comes true of `values` (len(slots),), forecast for them."""
@@ -176,7 +178,7 @@ def sample_outlook(case: Case, error: ForecastError, n: int, seed: int) -> Outlo
     names = forecast_names(case)
     rng = np.random.default_rng(seed)
     errors = error.errors(len(names), case.slots, n, rng, case.step_min)
-    return Outlook(names, errors, error.correlation_of(case.step_min))
+    return Outlook(names, errors, error.correlation_of(case.step_min), error)
 
 
 def lasting_outlook(case: Case, load: float, pv: float, n: int) -> Outlook:

@@ -16,6 +16,7 @@ from resilience.simulation.slots import Stepper
 if TYPE_CHECKING:
     from resilience.case import Case
     from resilience.fragility.beliefs.belief import Belief
+    from resilience.simulation.forecast import ForecastError
 
 CASE: Literal["case"] = "case"
 """What operators believe in who believe in the case's own process."""
@@ -36,6 +37,7 @@ class Setting:
         known_centre: it is told at midnight where the day's hazard is forecast to peak.
         reset_daily: the state of charge starts anew every midnight.
         error_correlation: of forecast errors from one slot to the next; None where there are none.
+        error_law: of forecast errors, as operators know it; None: they plan with the forecast.
         ends: slots at whose end the energy left is credited.
         believed: what operators hold of outages to come: scenarios, the case's own process, or None
             where the storms are not the case's and nobody has said what is believed of them.
@@ -51,6 +53,7 @@ class Setting:
     error_correlation: float | None
     ends: Ints
     believed: Believed = CASE
+    error_law: ForecastError | None = None
 
     @property
     def case(self) -> Case:

@@ -118,6 +118,7 @@ class World:
             error_correlation=None if self.outlook is None else self.outlook.correlation,
             ends=self.ends,
             believed=self.believed,
+            error_law=None if self.outlook is None else self.outlook.law,
         )
 
     @property
