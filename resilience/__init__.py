@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from resilience.evaluation.ac_check import ac_check_trajectory
     from resilience.evaluation.compare import Report, compare, evaluate
     from resilience.evaluation.comparison import Comparison, load_comparison
+    from resilience.evaluation.survival import Survival, survive
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.planning.ac_check import ac_check_plan
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from resilience.plots.report import plot_report
     from resilience.plots.scenario_plan import plot_scenario_plan
     from resilience.plots.storm import plot_storm
+    from resilience.plots.survival import plot_survival
     from resilience.plots.water import plot_water_values
     from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
@@ -82,6 +84,7 @@ __all__ = [
     "Scenarios",
     "Setting",
     "SolverError",
+    "Survival",
     "Trajectory",
     "UsageError",
     "WaterValues",
@@ -103,10 +106,12 @@ __all__ = [
     "plot_report",
     "plot_scenario_plan",
     "plot_storm",
+    "plot_survival",
     "plot_water_values",
     "replay",
     "sample_profiles",
     "solve",
+    "survive",
     "train",
     "water_values",
 ]

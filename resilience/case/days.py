@@ -33,7 +33,7 @@ def held_out(case: Case, days: int | None = None) -> Case:
             )
         return case.replace(outages=())
     days = USUAL_DAYS if days is None else days
-    per_day, times = case.window.slots_per_day, _profile_times(case)
+    per_day, times = case.window.slots_per_day, profile_times(case)
     if times is None:
         if case.slots != days * per_day:
             raise UsageError(
@@ -64,7 +64,7 @@ def training(case: Case) -> Case:
     """
     if case.storm is not None and case.storm.points:
         return case.replace(outages=())
-    per_day, times = case.window.slots_per_day, _profile_times(case)
+    per_day, times = case.window.slots_per_day, profile_times(case)
     total = case.slots // per_day if times is None else len(times) // per_day
     days = total - math.ceil(TEST_SHARE * total)
     if days < 1:
@@ -85,7 +85,7 @@ def check_days(case: Case, days: int) -> None:
     Raises:
         UsageError: they are more.
     """
-    times = _profile_times(case)
+    times = profile_times(case)
     max_days = (MAX_SLOTS if times is None else len(times)) // case.window.slots_per_day
     if days > max_days:
         limit = f"{MAX_SLOTS:,} slots" if times is None else f"the {max_days} of its profiles"
@@ -95,7 +95,7 @@ def check_days(case: Case, days: int) -> None:
         )
 
 
-def _profile_times(case: Case) -> Times | None:
+def profile_times(case: Case) -> Times | None:
     """(slots,) starts of the slots of a case's profile file; None without a file."""
     file = case.source.get("profiles", {}).get("file")
     return None if file is None else read_profile_file(Path(file)).times

@@ -20,6 +20,7 @@ from resilience.cli import options, terminal
 from resilience.cli.case import case_app
 from resilience.cli.reproduce import reproduce
 from resilience.cli.storms import hazard, scenarios
+from resilience.cli.survive import survive
 from resilience.cli.train import env, export, train
 
 if TYPE_CHECKING:
@@ -219,7 +220,7 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard, train, export, env, reproduce):
+for _command in (scenarios, hazard, survive, train, export, env, reproduce):
     app.command()(_command)
 
 

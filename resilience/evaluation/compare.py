@@ -18,7 +18,6 @@ from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError, check_range
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
-from resilience.evaluation.causality import causality_text, check_causality
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import measure
@@ -32,6 +31,7 @@ from resilience.inputs import to_number
 from resilience.models.microgrid import Physics
 from resilience.progress import interruptible, notice, phase
 from resilience.results import COMPARISON, check_replaceable
+from resilience.simulation.causality import causality_text, check_causality
 from resilience.simulation.forecast import (
     FEEDER_COMMON,
     FEEDER_SIGMA,

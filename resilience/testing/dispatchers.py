@@ -9,9 +9,9 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case
-from resilience.evaluation.causality import with_another_future
 from resilience.evaluation.clairvoyant import clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.simulation.causality import with_another_future
 from resilience.simulation.forecast import ForecastError, sample_outlook
 from resilience.simulation.observation import Action, Dispatcher, Observation, parts_of
 from resilience.simulation.setting import Setting

@@ -9,9 +9,9 @@ from resilience.arrays import Floats
 from resilience.case import load_case
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.errors import CertificateError
-from resilience.evaluation.causality import check_causality, with_another_future
 from resilience.evaluation.compare import compare, held_out, parse_error
 from resilience.fragility.draw import sample_case
+from resilience.simulation.causality import check_causality, with_another_future
 from resilience.simulation.forecast import sample_outlook
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
@@ -68,7 +68,7 @@ class Leak:
 
 def test_who_peeks_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """It acts as the lines of the next slot are, which are others in another future."""
-    from resilience.evaluation import causality
+    from resilience.simulation import causality
 
     def leaking(one: World, slot: int, rng: np.random.Generator) -> World:
         other = with_another_future(one, slot, rng)

@@ -11,13 +11,13 @@ torch = pytest.importorskip("torch", reason="learners need torch")
 
 import resilience as rs  # noqa: E402
 from resilience.arrays import Floats  # noqa: E402
-from resilience.evaluation.causality import with_another_future  # noqa: E402
 from resilience.evaluation.clairvoyant import Replay  # noqa: E402
 from resilience.fragility.outages.scenarios import Scenarios  # noqa: E402
 from resilience.models.microgrid import Microgrid  # noqa: E402
 from resilience.rl.ground.env import BatchEnv  # noqa: E402
 from resilience.rl.ground.episodes import EpisodeSampler  # noqa: E402
 from resilience.rl.ground.observe import Observer  # noqa: E402
+from resilience.simulation.causality import with_another_future  # noqa: E402
 from resilience.simulation.forecast import ForecastError  # noqa: E402
 from resilience.simulation.observation import Observation  # noqa: E402
 from resilience.simulation.setting import Setting  # noqa: E402

@@ -8,20 +8,22 @@ and in it, actions must be the same to the last bit.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.dispatch.registry import Factory
 from resilience.errors import CertificateError
 from resilience.fragility.outages.bell import REFERENCE_SLOTS
 from resilience.progress import meter
 from resilience.simulation.observation import Action, Dispatcher, Observation, parts_of
+from resilience.simulation.setting import Setting
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World
+
+Factory = Callable[[Setting], Dispatcher]
 
 
 class _EnoughSeenError(Exception):

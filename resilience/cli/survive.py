@@ -1,0 +1,75 @@
+"""`resilience survive`: how long loads last without the main grid."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from resilience.cli import options, terminal
+
+if TYPE_CHECKING:
+    from resilience.evaluation.survival import Survival
+
+USUAL = "6,12,24,48,72,96,120,168"
+
+
+def survive(
+    case: options.CaseName,
+    durations: Annotated[
+        str, typer.Option(help="Hours without the main grid, with commas.", metavar="HOURS")
+    ] = USUAL,
+    method: Annotated[
+        str, typer.Option(help="Who dispatches: a name that `compare` knows.")
+    ] = "rule-0.9",
+    every_h: Annotated[
+        float, typer.Option("--every-h", help="Hours from one start to the next.")
+    ] = 1.0,
+    plot: Annotated[Path | None, typer.Option(help="Picture: .png, .pdf or .svg.")] = None,
+    as_json: options.AsJson = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """How likely loads are served through a loss of the main grid, by its duration."""
+    import resilience as rs
+    from resilience.files import check_picture
+
+    if plot is not None:
+        check_picture(plot)
+    with terminal.progress(verbose):
+        found = rs.survive(case, _hours(durations), method=method, every_h=every_h)
+    terminal.show(partial(_print, found, as_json))
+    terminal.write(
+        terminal.Output("picture", plot, partial(rs.plot_survival, found)), quiet=as_json
+    )
+
+
+def _hours(text: str) -> list[float]:
+    """Durations from the command line.
+
+    Raises:
+        UsageError: a word that is no number.
+    """
+    from resilience.errors import UsageError
+    from resilience.inputs import to_number
+
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    numbers = [to_number(word) for word in words]
+    if wrong := [word for word, number in zip(words, numbers, strict=True) if number is None]:
+        raise UsageError(
+            f"durations {', '.join(map(repr, wrong))}; allowed: hours, with commas",
+            hint=f"{USUAL} is usual",
+        )
+    return [number for number in numbers if number is not None]
+
+
+def _print(found: Survival, as_json: bool) -> None:
+    if as_json:
+        typer.echo(json.dumps(found.summary(), indent=2, allow_nan=False))
+        return
+    from resilience.text.console import plain_console
+    from resilience.text.survival import print_survival
+
+    print_survival(found, plain_console())
