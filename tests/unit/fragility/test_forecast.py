@@ -34,7 +34,7 @@ def test_a_share_of_the_variance_is_common_to_all_profiles() -> None:
     error = ForecastError(SIGMA, 0.97, 0.7).errors(3, 30, N, np.random.default_rng(1))
     assert error.std(axis=2) == pytest.approx(SIGMA, rel=4 / np.sqrt(2 * N))
     for slot in (0, 29):
-        across = np.corrcoef(error[:, slot])
+        across = np.asarray(np.corrcoef(error[:, slot]))
         off = across[~np.eye(3, dtype=bool)]
         assert off == pytest.approx(0.7, abs=4 * (1 - 0.7**2) / np.sqrt(N))
     lag = np.corrcoef(error[0, 10], error[0, 18])[0, 1]
