@@ -48,7 +48,7 @@ def lp_modules() -> list[str]:
 
 def test_help_imports_the_command_line_only() -> None:
     light = (
-        *("cli", "dispatch", "dispatch.registry", "errors", "extras", "lazy", "progress"),
+        *("cli", "dispatch", "dispatch.registry", "errors", "extras", "inputs", "lazy", "progress"),
         *("rl", "rl.algorithms", "rl.algorithms.registry"),
     )
     names = modules_of("compare", "--help")

@@ -81,7 +81,7 @@ def test_no_single_branch_exchange_improves_the_optimum() -> None:
     assert losses[order[1]] == pytest.approx(139.978, abs=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_no_tree_at_all_improves_the_optimum() -> None:
     trees = all_trees()
     losses, _ = losses_kw(trees)
@@ -100,7 +100,7 @@ def test_scip_proves_the_optimum() -> None:
     assert 1e3 * (found.bound - LOAD_MW) == pytest.approx(OPTIMUM_KW, rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive  # three minutes; SCIP proves the same optimum in each run
 def test_minlp_proves_the_optimum_by_outer_approximation() -> None:
     found = solved(case33(switchable=True), "minlp", time_limit=600, gap=2e-5)
     assert found.answer.status == "optimal"

@@ -72,7 +72,7 @@ def test_variants_change_only_what_they_say():
     assert np.count_nonzero(tou.network.breakpoint) == 4
     assert {load.shed_cost_per_mwh for load in tou.load} == {30.0}
     assert tou.outage == grid.outage == OutageTable(centres=CENTRES)
-    assert long.outage == OutageTable(centres=CENTRES, duration_slots=(24, 48))
+    assert long.outage == OutageTable(centres=CENTRES, duration_slots=(24, 48), overnight=False)
     assert wide.outage == OutageTable(centres=CENTRES, sigma_slots=8)
     assert night.outage == OutageTable(centres=CENTRES, duration_slots=(24, 48), overnight=True)
     assert night.outages == long.outages

@@ -285,7 +285,9 @@ def test_forecast_errors_by_name() -> None:
     assert parse_error("gaussian") == ForecastError(0.025, 0.0)
     assert parse_error("0.1,0.5") == ForecastError(0.1, 0.5)
     assert parse_error("none") is parse_error(None) is None
-    for text in ("often", "0.1", "0.1,0.2,0.3", "a,b", "0.0_1,0.5", "٠.1,0.5"):
+    assert parse_error("0.1,0.5,0.7") == ForecastError(0.1, 0.5, 0.7)
+    assert parse_error("feeder") == ForecastError(0.1, 0.97, 0.7)
+    for text in ("often", "0.1", "0.1,0.2,0.3,0.4", "a,b", "0.0_1,0.5", "٠.1,0.5"):
         with pytest.raises(rs.UsageError, match="cannot be read"):
             parse_error(text)
     with pytest.raises(rs.UsageError, match="correlation"):

@@ -90,7 +90,7 @@ def test_one_random_number_for_all_makes_failures_coincide() -> None:
 
 
 def test_modes_live_around_the_storm_only() -> None:
-    chain = storm_chain(Bell(), 4, np.array([48]), PER_DAY)
+    chain = storm_chain(Bell(overnight=False), 4, np.array([48]), PER_DAY)
     count = np.array([len(modes) for modes in chain.down])
     assert (count[:28] == 1).all()
     assert (count[40:68] == 16).all()
@@ -101,7 +101,7 @@ def test_modes_live_around_the_storm_only() -> None:
 
 
 def test_a_mode_that_is_left_out_is_answered_by_its_nearest() -> None:
-    chain = storm_chain(Bell(), 4, np.array([48]), PER_DAY)
+    chain = storm_chain(Bell(overnight=False), 4, np.array([48]), PER_DAY)
     assert chain.mode(0, np.array([True, False, False, False])) == 0
     asked = np.array([True, False, True, False])
     assert (chain.down[50][chain.mode(50, asked)] == asked).all()

@@ -51,7 +51,7 @@ def test_options_replace_what_the_case_says(capsys: pytest.CaptureFixture[str]) 
     assert "duration_slots=(24, 48)" in kept
     words += ["--duration-slots", "4", "6", "--centre", "30", "--centre", "40", "--rate"]
     changed = json.loads(call(capsys, *words)[1])["process"]
-    assert changed == str(Bell(duration_slots=(4, 6), centres=(30, 40), rate=True))
+    assert changed == str(Bell(duration_slots=(4, 6), centres=(30, 40), rate=True, overnight=False))
 
 
 def test_mistakes_are_said_before_anything_is_written(

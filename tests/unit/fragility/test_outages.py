@@ -120,7 +120,7 @@ def test_a_seed_repeats_and_more_begins_alike() -> None:
 
 
 def test_outages_end_at_midnight_unless_they_run_on() -> None:
-    late = Bell(height=0.9, centres=(92,))
+    late = Bell(height=0.9, centres=(92,), overnight=False)
     cut = sample_bell(CASE, late, 20, 10, days=2)
     on = sample_bell(CASE, replace(late, overnight=True), 20, 10, days=2)
     assert not (cut.down[:, 95] & cut.down[:, 96]).any()
