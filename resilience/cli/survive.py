@@ -39,10 +39,10 @@ def survive(
     if plot is not None:
         check_picture(plot)
     with terminal.progress(verbose):
-        found = rs.survive(case, _hours(durations), method=method, every_h=every_h)
-    terminal.show(partial(_print, found, as_json))
+        survival = rs.survive(case, _hours(durations), method=method, every_h=every_h)
+    terminal.show(partial(_print, survival, as_json))
     terminal.write(
-        terminal.Output("picture", plot, partial(rs.plot_survival, found)), quiet=as_json
+        terminal.Output("picture", plot, partial(rs.plot_survival, survival)), quiet=as_json
     )
 
 
@@ -65,11 +65,11 @@ def _hours(text: str) -> list[float]:
     return [number for number in numbers if number is not None]
 
 
-def _print(found: Survival, as_json: bool) -> None:
+def _print(survival: Survival, as_json: bool) -> None:
     if as_json:
-        typer.echo(json.dumps(found.summary(), indent=2, allow_nan=False))
+        typer.echo(json.dumps(survival.summary(), indent=2, allow_nan=False))
         return
     from resilience.text.console import plain_console
     from resilience.text.survival import print_survival
 
-    print_survival(found, plain_console())
+    print_survival(survival, plain_console())

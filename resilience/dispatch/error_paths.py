@@ -63,7 +63,7 @@ class ErrorPaths:
             rng = np.random.default_rng([self.seed, number, 1])
             half, n = (self.paths + 1) // 2, len(self.names)
             w = rng.standard_normal((self.case.slots, n + 1, half))
-            own, shared = np.sqrt([1.0 - common, common])
-            w = own * w[:, :n] + shared * w[:, n:]
+            own_share, shared = np.sqrt([1.0 - common, common])
+            w = own_share * w[:, :n] + shared * w[:, n:]
             self._drawn = number, np.concatenate([w, -w], axis=2)[:, :, : self.paths]
         return self._drawn[1]

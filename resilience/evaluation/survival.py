@@ -160,13 +160,13 @@ def survive(
     """
     case = case if isinstance(case, Case) else load_case(case)
     make, durations = factory_of(method), tuple(sorted({float(d) for d in durations_h}))
-    whole, slots, every = _checked(case, durations, every_h)
-    first = np.arange(0, whole.slots, every)
-    island = whole.replace(slots=slots, grid=[])
+    full_case, slots, every = _checked(case, durations, every_h)
+    first = np.arange(0, full_case.slots, every)
+    island = full_case.replace(slots=slots, grid=[])
     microgrid = Microgrid.build(island, "copperplate")
     # Fuel comes at hours of the outage, all else at hours of the profiles.
     deliveries = () if microgrid.tanks is None else tuple(microgrid.tanks.profiles())
-    values = {name: v for name, v in whole.profiles.items() if name not in deliveries}
+    values = {name: v for name, v in full_case.profiles.items() if name not in deliveries}
     critical = critical_loads(island)
     lasts = np.full((2, len(first)), np.inf)
     with meter("outages", slots * len(first)) as progress:
@@ -180,9 +180,12 @@ def survive(
                 first=first[chunk], values=values,
             )  # fmt: skip
             lasts[:, chunk] = _lasts_h(world, make, critical, progress.advance)
-    times = np.datetime64(whole.start) + first * np.timedelta64(round(whole.step_min * 60), "s")
+    times = np.datetime64(full_case.start) + first * np.timedelta64(
+        round(full_case.step_min * 60), "s"
+    )
     return Survival(
-        island, method, durations, times, np.asarray((whole.slots - first) * whole.step_h, float),
+        island, method, durations, times,
+        np.asarray((full_case.slots - first) * full_case.step_h, float),
         lasts[0] if critical.any() else None, lasts[1],
     )  # fmt: skip
 
@@ -194,25 +197,25 @@ def _checked(case: Case, durations: tuple[float, ...], every_h: float) -> tuple[
         UsageError: what is asked for is out of range.
     """
     times = profile_times(case)
-    whole = case.replace(outages=())
+    full_case = case.replace(outages=())
     if times is not None:
         start = times[0].astype("datetime64[s]").item()
-        whole = whole.replace(start=start, slots=min(len(times), MAX_SLOTS))
-    span_h = whole.slots * whole.step_h
-    wrong = [d for d in durations if not whole.step_h <= d <= span_h]
+        full_case = full_case.replace(start=start, slots=min(len(times), MAX_SLOTS))
+    span_h = full_case.slots * full_case.step_h
+    wrong = [d for d in durations if not full_case.step_h <= d <= span_h]
     if wrong or not durations:
         raise UsageError(
             f"durations {', '.join(f'{d:g}' for d in wrong) or 'none'} h; allowed: one or more, "
-            f"{whole.step_h:g} to {span_h:g} h, what the profiles of case {case.name!r} have",
+            f"{full_case.step_h:g} to {span_h:g} h, what the profiles of case {case.name!r} have",
             hint="6, 12, 24, 48, 72, 96, 120 and 168 h are usual",
         )
-    every = every_h / whole.step_h
+    every = every_h / full_case.step_h
     if not every >= 1.0 or abs(every - round(every)) > 1e-9:
         raise UsageError(
-            f"a start every {every_h:g} h; allowed: a multiple of the slot, {whole.step_h:g} h",
+            f"a start every {every_h:g} h; allowed: a multiple of the slot, {full_case.step_h:g} h",
             hint="1 is usual",
         )
-    return whole, math.ceil(durations[-1] / whole.step_h - 1e-9), round(every)
+    return full_case, math.ceil(durations[-1] / full_case.step_h - 1e-9), round(every)
 
 
 def _lasts_h(

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_survival(found: Survival, path: str | Path | None = None) -> Figure:
+def plot_survival(survival: Survival, path: str | Path | None = None) -> Figure:
     """Draws the chance of being fully served over the duration of the outage.
 
     Lines are exact for the starts behind which profiles are long enough for the longest duration;
     dots and bars are the durations that were asked for, each with all starts that it fits behind.
 
     Args:
-        found: from `resilience.survive`.
+        survival: from `resilience.survive`.
         path: a .png, .pdf or .svg file.
 
     Raises:
@@ -31,17 +31,17 @@ def plot_survival(found: Survival, path: str | Path | None = None) -> Figure:
     if path is not None:
         check_picture(Path(path))
     with style.look():
-        return style.write_figure(_draw(found), path)
+        return style.write_figure(_draw(survival), path)
 
 
-def _draw(found: Survival) -> Figure:
+def _draw(survival: Survival) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 3.8), layout="constrained")
     axis = figure.subplots()
-    table, longest = found.frame(), max(found.durations_h)
-    fits = found.ahead_h >= longest
-    kinds = (("all", found.all_h, 2.4, "s"), ("critical", found.critical_h, 1.2, "o"))
+    table, longest = survival.frame(), max(survival.durations_h)
+    fits = survival.ahead_h >= longest
+    kinds = (("all", survival.all_h, 2.4, "s"), ("critical", survival.critical_h, 1.2, "o"))
     for colour, (kind, lasts_h, width, mark) in zip(style.METHOD_COLOURS, kinds, strict=False):
         if lasts_h is None:
             continue
@@ -59,6 +59,6 @@ def _draw(found: Survival) -> Figure:
     axis.legend(frameon=False, loc="lower left")
     style.open_frame(axis)
     style.headed(
-        figure, f"{found.case.name}: {len(found.start)} losses of the grid, {found.method}"
+        figure, f"{survival.case.name}: {len(survival.start)} losses of the grid, {survival.method}"
     )
     return figure

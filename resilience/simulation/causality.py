@@ -31,7 +31,7 @@ class _EnoughSeenError(Exception):
 
 
 @dataclass
-class _Recorder:
+class _Overheard:
     """Passes observations on to a dispatcher and notes its actions, up to a slot."""
 
     name: str
@@ -42,8 +42,8 @@ class _Recorder:
     def act(self, observation: Observation) -> Action:
         """The dispatcher's action."""
         action = self.dispatcher.act(observation)
-        said = [np.array(part, float) for part in parts_of(action) if part is not None]
-        self.actions.append(np.concatenate(said))
+        stated = [np.array(powers, float) for powers in parts_of(action) if powers is not None]
+        self.actions.append(np.concatenate(stated))
         if observation.t == self.last:
             raise _EnoughSeenError
         return action
@@ -83,10 +83,16 @@ def check_causality(
         for name, make in makers.items():
             for k in range(count):
                 episode = world.with_scenarios(np.array([k]))
-                whole = _actions(episode, make, max(chosen))
+                actions = _actions(episode, make, max(chosen))
                 for slot in chosen:
-                    other = with_another_future(episode, slot, rng)
-                    _compare(name, int(episode.index[0]), slot, whole, _actions(other, make, slot))
+                    changed_world = with_another_future(episode, slot, rng)
+                    _compare(
+                        name,
+                        int(episode.index[0]),
+                        slot,
+                        actions,
+                        _actions(changed_world, make, slot),
+                    )
                     progress.advance(1)
     return chosen
 
@@ -117,14 +123,14 @@ def with_another_future(world: World, slot: int, rng: np.random.Generator) -> Wo
 
 def _actions(world: World, make: Factory, last: int) -> Floats:
     """(slots, units, batch) what a fresh dispatcher does up to a slot, rations included."""
-    recorder = _Recorder("recorder", make(world.setting), last, [])
+    recorder = _Overheard("recorder", make(world.setting), last, [])
     with contextlib.suppress(_EnoughSeenError):
         simulate(world, recorder)
     return np.array(recorder.actions)
 
 
-def _compare(name: str, episode: int, slot: int, whole: Floats, other: Floats) -> None:
-    differs = np.flatnonzero((whole[: slot + 1] != other[: slot + 1]).any(axis=(1, 2)))
+def _compare(name: str, episode: int, slot: int, actions: Floats, changed: Floats) -> None:
+    differs = np.flatnonzero((actions[: slot + 1] != changed[: slot + 1]).any(axis=(1, 2)))
     if len(differs):
         first = int(differs[0])
         raise CertificateError(

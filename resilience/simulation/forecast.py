@@ -91,8 +91,8 @@ class ForecastError:
             w = stream.standard_normal((slots, profiles + (self.common > 0.0))).T
             errors[:, :, k] = w[:profiles]
             if self.common > 0.0:
-                own, shared = np.sqrt([1.0 - self.common, self.common])
-                errors[:, :, k] = own * w[:profiles] + shared * w[-1]
+                own_share, shared = np.sqrt([1.0 - self.common, self.common])
+                errors[:, :, k] = own_share * w[:profiles] + shared * w[-1]
         errors[:, 1:] *= np.sqrt(1.0 - rho**2)
         for t in range(1, slots):
             errors[:, t] += rho * errors[:, t - 1]

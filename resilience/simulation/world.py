@@ -85,10 +85,10 @@ class World:
         """
         if end_value_per_mwh is None:
             end_value_per_mwh = microgrid.case.terminal_value_per_mwh
-        for given in (scenarios, believed):
-            if isinstance(given, Scenarios) and given.slots != microgrid.case.slots:
+        for paths in (scenarios, believed):
+            if isinstance(paths, Scenarios) and paths.slots != microgrid.case.slots:
                 raise UsageError(
-                    f"scenarios of {given.slots} slots; "
+                    f"scenarios of {paths.slots} slots; "
                     f"allowed: {microgrid.case.slots}, as the case",
                     hint="draw them for the horizon of the evaluation, `held_out(case, days)`",
                 )

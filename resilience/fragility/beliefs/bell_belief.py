@@ -73,8 +73,8 @@ class BellBelief:
         """
         remaining = np.zeros(self.lines, np.intp)
         for k in np.flatnonzero(history.is_down).tolist():
-            left = lengths_left(self.bell, int(history.age[k]), self.per_day).mean()
-            mean = int(np.ceil(left - SLOT_TOLERANCE))
+            slots_left = lengths_left(self.bell, int(history.age[k]), self.per_day).mean()
+            mean = int(np.ceil(slots_left - SLOT_TOLERANCE))
             ends = self.per_day - 1 - history.t
             remaining[k] = mean if self.overnight else min(mean, ends)
         return remaining
@@ -87,10 +87,10 @@ class BellBelief:
         per_day, now = self.per_day, history.t + 1
         free = np.zeros((self.lines, 2 * per_day + self.longest_slots))
         for k in range(self.lines):
-            left = np.zeros(1, np.intp)
+            slots_left = np.zeros(1, np.intp)
             if history.is_down[k]:
-                left = lengths_left(self.bell, int(history.age[k]), per_day)
-            slot = now + left
+                slots_left = lengths_left(self.bell, int(history.age[k]), per_day)
+            slot = now + slots_left
             if not self.overnight:
                 slot = np.minimum(slot, per_day)
             if history.spent[k] and not self.bell.refail:

@@ -70,10 +70,10 @@ class DayBelief:
         """(lines, peaks) probability that a line's bell peaks in slot `lowest` and those after."""
         lines = self.shifts.shape[1]
         weight = self.weight[:, None, None] * self.shift_weight
-        at = self.centre[:, None, None] + self.shifts.T[None] - lowest
-        found = np.zeros((lines, peaks))
-        np.add.at(found, (np.arange(lines)[None, :, None], at), weight)
-        return found
+        peak_index = self.centre[:, None, None] + self.shifts.T[None] - lowest
+        weights = np.zeros((lines, peaks))
+        np.add.at(weights, (np.arange(lines)[None, :, None], peak_index), weight)
+        return weights
 
 
 class BellDays:
@@ -108,7 +108,7 @@ class BellDays:
         with np.errstate(divide="ignore"):
             return np.log(self.chance)
 
-    def told(self, storm_peak: int) -> DayBelief:
+    def of_told_peak(self, storm_peak: int) -> DayBelief:
         """A day of which nothing but the told peak is known, -1: not even that."""
         if storm_peak not in self._told:
             self._told[storm_peak] = self._prior(storm_peak)
@@ -119,17 +119,19 @@ class BellDays:
 
         What cannot be, by this bell, leaves the probabilities as they were.
         """
-        prior = self.told(history.storm_peak)
+        prior = self.of_told_peak(history.storm_peak)
         at_risk, failed = at_risk_slots(history, self.bell.refail)
         joint = self._common if self.bell.common_draw else self._apart
         log = joint(prior, at_risk, failed)
         if prior.joint:
             log = np.broadcast_to(log.sum(axis=1, keepdims=True), log.shape)
-        most = log.max(axis=2, keepdims=True, initial=-np.inf)
-        likelihood = np.exp(log - np.where(np.isfinite(most), most, 0.0)) * prior.shift_weight
+        highest_log = log.max(axis=2, keepdims=True, initial=-np.inf)
+        likelihood = (
+            np.exp(log - np.where(np.isfinite(highest_log), highest_log, 0.0)) * prior.shift_weight
+        )
         of_line = likelihood.sum(axis=2, keepdims=True)
         with np.errstate(divide="ignore"):
-            evidence = (np.log(of_line) + most)[:, :, 0]
+            evidence = (np.log(of_line) + highest_log)[:, :, 0]
         total = np.log(prior.weight) + (evidence[:, 0] if prior.joint else evidence.sum(axis=1))
         if not np.isfinite(total).any():
             return prior
@@ -145,19 +147,19 @@ class BellDays:
 
     def _apart(self, prior: DayBelief, at_risk: Bools, failed: Bools) -> Floats:
         """(centres, lines, kinds) log likelihood of each line, whose random numbers are its own."""
-        seen = at_risk.shape[1]
-        log = self.log_stays[:, :seen] @ at_risk.T.astype(float)
+        slots_seen = at_risk.shape[1]
+        log = self.log_stays[:, :slots_seen] @ at_risk.T.astype(float)
         line, slot = np.nonzero(failed)
         np.add.at(log.T, line, self.log_fails[:, slot].T)
-        at = prior.centre[:, None, None] + prior.shifts.T[None] - self.lowest
-        return log[at, np.arange(self.lines)[None, :, None]]
+        peak_index = prior.centre[:, None, None] + prior.shifts.T[None] - self.lowest
+        return log[peak_index, np.arange(self.lines)[None, :, None]]
 
     def _common(self, prior: DayBelief, at_risk: Bools, failed: Bools) -> Floats:
         """(centres, 1, kinds) log likelihood of all lines, which share a random number per slot."""
-        at = prior.centre[:, None, None] + prior.shifts[None] - self.lowest
-        log = np.zeros(at.shape[:2])
+        peak_index = prior.centre[:, None, None] + prior.shifts[None] - self.lowest
+        log = np.zeros(peak_index.shape[:2])
         for slot in np.flatnonzero((at_risk | failed).any(axis=0)).tolist():
-            chance = self.chance[at, slot]
+            chance = self.chance[peak_index, slot]
             highest = np.where(failed[:, slot], chance, 1.0).min(axis=2)
             lowest = np.where(at_risk[:, slot], chance, 0.0).max(axis=2)
             with np.errstate(divide="ignore"):
@@ -167,11 +169,11 @@ class BellDays:
     def _prior(self, storm_peak: int) -> DayBelief:
         bell = self.bell
         centre, weight = told_peaks(bell, storm_peak)
-        own = np.arange(-bell.shift_slots, bell.shift_slots + 1)
+        own_shifts = np.arange(-bell.shift_slots, bell.shift_slots + 1)
         joint = bell.shared_shift or bell.common_draw
-        shifts = np.repeat(own[:, None], self.lines, axis=1)
+        shifts = np.repeat(own_shifts[:, None], self.lines, axis=1)
         if bell.common_draw and not bell.shared_shift:
-            shifts = _combinations(own, self.lines)
+            shifts = _combinations(own_shifts, self.lines)
         shifts[:, :1] = 0
         kinds = len(shifts)
         shift_weight = np.full((len(centre), self.lines, kinds), 1.0 / kinds)
@@ -192,8 +194,8 @@ def told_peaks(bell: Bell, storm_peak: int) -> tuple[Ints, Floats]:
     if storm_peak < 0:
         return centre, np.full(len(centre), 1.0 / len(centre))
     error = np.arange(-bell.centre_error_slots, bell.centre_error_slots + 1)
-    told = np.clip(np.add.outer(centre, error), 0, REFERENCE_SLOTS - 1)
-    ways = (told == storm_peak).sum(axis=1)
+    forecasts = np.clip(np.add.outer(centre, error), 0, REFERENCE_SLOTS - 1)
+    ways = (forecasts == storm_peak).sum(axis=1)
     possible = ways > 0
     if not possible.any():
         return np.array([storm_peak]), np.ones(1)
@@ -209,13 +211,13 @@ def at_risk_slots(history: LineHistory, refail: bool) -> tuple[Bools, Bools]:
     return stood, failed
 
 
-def _combinations(own: Ints, lines: int) -> Ints:
+def _combinations(own_shifts: Ints, lines: int) -> Ints:
     """(kinds, lines) shifts of all lines but the first: all there are, or a sample of them."""
     if lines < 2:
         return np.zeros((1, lines), np.intp)
-    if len(own) ** (lines - 1) > MAX_SHIFTS:
-        return np.random.default_rng(0).choice(own, (MAX_SHIFTS, lines))
-    grid = np.meshgrid(*[own] * (lines - 1), indexing="ij")
+    if len(own_shifts) ** (lines - 1) > MAX_SHIFTS:
+        return np.random.default_rng(0).choice(own_shifts, (MAX_SHIFTS, lines))
+    grid = np.meshgrid(*[own_shifts] * (lines - 1), indexing="ij")
     return np.column_stack([np.zeros(grid[0].size, np.intp), *(x.ravel() for x in grid)])
 
 

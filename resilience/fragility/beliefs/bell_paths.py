@@ -125,8 +125,8 @@ def _present(
     paths, now = down.shape[1], history.t + 1
     remaining = np.zeros(paths, np.intp)
     if history.is_down[k]:
-        left = lengths_left(bell, int(history.age[k]), per_day)
-        remaining = _pick(left, draw.remaining[k])[0]
+        slots_left = lengths_left(bell, int(history.age[k]), per_day)
+        remaining = _pick(slots_left, draw.remaining[k])[0]
     over = now + remaining
     if not bell.overnight:
         over = np.minimum(over, per_day)
@@ -178,8 +178,8 @@ def _first(chance: Floats, u: Floats) -> tuple[Ints, Bools, Floats]:
     path = np.arange(len(u))
     before = np.where(first > 0, failed[path, first - 1], 0.0)
     within = np.where(fails, failed[path, first] - before, 1.0)
-    rest = np.clip((u - before) / np.where(within > 0.0, within, 1.0), 0.0, 1.0)
-    return first, fails, rest
+    u_left = np.clip((u - before) / np.where(within > 0.0, within, 1.0), 0.0, 1.0)
+    return first, fails, u_left
 
 
 def _first_common(chance: Floats, u: Floats) -> tuple[Ints, Bools]:

@@ -81,10 +81,10 @@ class LineHistory:
 
     def of_lines(self, rows: Ints) -> LineHistory:
         """The same of some of the lines, in this order; -1 stands for one that never fails."""
-        known = rows >= 0
+        stands_for_line = rows >= 0
         return replace(
             self,
-            age=np.where(known, self.age[rows], -1),
-            down=self.down[rows] & known[:, None],
-            carried=self.carried[rows] & known,
+            age=np.where(stands_for_line, self.age[rows], -1),
+            down=self.down[rows] & stands_for_line[:, None],
+            carried=self.carried[rows] & stands_for_line,
         )

@@ -73,12 +73,12 @@ class ScenarioBelief:
     @cached_property
     def _left(self) -> Ints:
         """(lines, slots, scenarios) slots that a line stays down from here on, 0 where it is up."""
-        left = np.zeros(self.down.shape, np.intp)
+        slots_left = np.zeros(self.down.shape, np.intp)
         run = np.zeros((self.down.shape[0], self.down.shape[2]), np.intp)
         for slot in reversed(range(self.slots)):
             run = np.where(self.down[:, slot], run + 1, 0)
-            left[:, slot] = run
-        return left
+            slots_left[:, slot] = run
+        return slots_left
 
     @cached_property
     def _outages(self) -> tuple[Ints, Floats]:
@@ -99,26 +99,26 @@ class ScenarioBelief:
 
     def weights(self, history: LineHistory) -> Floats:
         """(scenarios,) how much each is believed, given what was seen."""
-        seen = min(history.t + 1, self.slots)
-        if seen <= 0:
+        slots_seen = min(history.t + 1, self.slots)
+        if slots_seen <= 0:
             return self.probability
-        ago_h = (history.t - np.arange(seen)) * self.step_h
+        ago_h = (history.t - np.arange(slots_seen)) * self.step_h
         hours = self.step_h * 2.0 ** (-ago_h / HALVING_H)
-        differs = self.down[:, :seen] != history.down[:, :seen, None]
+        differs = self.down[:, :slots_seen] != history.down[:, :slots_seen, None]
         distance = np.einsum("s,ksm->m", hours, differs)
         distance = distance - distance[self.probability > 0.0].min()
-        least = math.sqrt(worth(self.probability))
+        least_worth = math.sqrt(worth(self.probability))
 
         def weight(sharpness: float) -> Floats:
             tilted = self.probability * np.exp(-sharpness * distance)
             return np.asarray(tilted / tilted.sum())
 
         low, high = 0.0, SHARPEST
-        if worth(weight(high)) >= least:
+        if worth(weight(high)) >= least_worth:
             return weight(high)
         for _ in range(HALVINGS):
             middle = (low + high) / 2.0
-            low, high = (middle, high) if worth(weight(middle)) >= least else (low, middle)
+            low, high = (middle, high) if worth(weight(middle)) >= least_worth else (low, middle)
         return weight(low)
 
     def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
@@ -134,8 +134,10 @@ class ScenarioBelief:
         for k in range(lines):
             believed = now_left[k, chosen]
             if history.is_down[k]:
-                left = np.where(believed > 0, believed - 1, self._pooled(history, k, u_left[k]))
-                down[k] |= slot < left
+                slots_left = np.where(
+                    believed > 0, believed - 1, self._pooled(history, k, u_left[k])
+                )
+                down[k] |= slot < slots_left
             else:
                 down[k] &= ~(slot < believed - 1)
         return down
@@ -153,13 +155,15 @@ class ScenarioBelief:
         """(lines,) slots after the present one that a line which is down stays so, on average."""
         weight, mean = self.weights(history), np.zeros(len(self.down))
         for k in np.flatnonzero(history.is_down).tolist():
-            left = self._left[k, history.t] if history.t < self.slots else np.zeros(0, np.intp)
-            agrees = left > 0
-            share = float(weight[agrees].sum()) if len(left) else 0.0
+            slots_left = (
+                self._left[k, history.t] if history.t < self.slots else np.zeros(0, np.intp)
+            )
+            agrees = slots_left > 0
+            share = float(weight[agrees].sum()) if len(slots_left) else 0.0
             length, chance = self._longer(int(history.age[k]))
             pooled = float(chance @ (length - int(history.age[k]) - 1)) if len(length) else 0.0
-            own = float(weight[agrees] @ (left[agrees] - 1)) if share else 0.0
-            mean[k] = own + (1.0 - share) * pooled
+            own_mean = float(weight[agrees] @ (slots_left[agrees] - 1)) if share else 0.0
+            mean[k] = own_mean + (1.0 - share) * pooled
         return np.ceil(mean - SLOT_TOLERANCE).astype(np.intp)
 
     def _longer(self, age: int) -> tuple[Ints, Floats]:
@@ -181,8 +185,8 @@ class ScenarioBelief:
         """Stratified numbers: of the scenario (n,), and of what is left of outages (lines, n)."""
         if (n, number) not in self._drawn:
             rng = np.random.default_rng([self.seed, n, number])
-            left = np.array([strata(n, rng) for _ in self.down]).reshape(len(self.down), n)
-            self._drawn[n, number] = strata(n, rng), left
+            slots_left = np.array([strata(n, rng) for _ in self.down]).reshape(len(self.down), n)
+            self._drawn[n, number] = strata(n, rng), slots_left
         return self._drawn[n, number]
 
 
