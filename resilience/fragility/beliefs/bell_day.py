@@ -26,6 +26,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.window import DAY_MIN
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.fragility.beliefs.strata import chosen
 from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell
 
 MAX_SHIFTS = 343
@@ -59,7 +60,7 @@ class DayBelief:
             u_own: (lines, paths) of each line's own.
         """
         lines = len(u_own)
-        drawn = _inverse(np.cumsum(self.weight), u_centre)
+        drawn = chosen(self.weight, u_centre)
         cumulated = np.cumsum(self.shift_weight, axis=2)[drawn]
         u = np.broadcast_to(u_joint, u_own.shape) if self.joint else u_own
         kind = (cumulated <= u.T[:, :, None] * cumulated[:, :, -1:]).sum(axis=2)
@@ -219,9 +220,3 @@ def _combinations(own_shifts: Ints, lines: int) -> Ints:
         return np.random.default_rng(0).choice(own_shifts, (MAX_SHIFTS, lines))
     grid = np.meshgrid(*[own_shifts] * (lines - 1), indexing="ij")
     return np.column_stack([np.zeros(grid[0].size, np.intp), *(x.ravel() for x in grid)])
-
-
-def _inverse(cumulated: Floats, u: Floats) -> Ints:
-    """(paths,) which of some values, of cumulated probability, belongs to a uniform number."""
-    last = len(cumulated) - 1
-    return np.minimum(np.searchsorted(cumulated, u * cumulated[-1], side="right"), last)

@@ -12,6 +12,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case.window import DAY_MIN
 from resilience.fragility.beliefs.bell_day import BellDays
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.fragility.beliefs.strata import strata
 from resilience.fragility.outages.bell import Bell
 
 
@@ -50,11 +51,6 @@ class DayDraw:
             rows(lines), rows(lines), rows(lines), storm_peak, shared, rows(lines),
             rows(common_slots),
         )  # fmt: skip
-
-
-def strata(n: int, rng: np.random.Generator) -> Floats:
-    """(n,) uniform numbers, one in every n-th of the unit interval, in random order."""
-    return (rng.permutation(n) + rng.random(n)) / n
 
 
 @dataclass

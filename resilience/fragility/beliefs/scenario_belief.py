@@ -26,8 +26,8 @@ from functools import cached_property
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.beliefs.bell_paths import strata
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.fragility.beliefs.strata import chosen, strata
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.tolerances import SLOT_TOLERANCE
 
@@ -124,15 +124,15 @@ class ScenarioBelief:
     def paths(self, history: LineHistory, slots: int, n: int) -> Bools:
         """(lines, slots, n) where lines are down after the present slot, on paths alike likely."""
         u, u_left = self._draws(n, history.number)
-        chosen = _inverse(np.cumsum(self.weights(history)), u)
+        scenario = chosen(self.weights(history), u)
         now, lines = history.t + 1, len(self.down)
         ahead = max(min(slots, self.slots - now), 0)
         down = np.zeros((lines, slots, n), bool)
-        down[:, :ahead] = self.down[:, now : now + ahead][:, :, chosen]
+        down[:, :ahead] = self.down[:, now : now + ahead][:, :, scenario]
         slot, is_within = np.arange(slots)[:, None], 0 <= history.t < self.slots
         now_left = self._left[:, history.t] if is_within else 0 * self._left[:, 0]
         for k in range(lines):
-            believed = now_left[k, chosen]
+            believed = now_left[k, scenario]
             if history.is_down[k]:
                 slots_left = np.where(
                     believed > 0, believed - 1, self._pooled(history, k, u_left[k])
@@ -179,7 +179,7 @@ class ScenarioBelief:
         length, chance = self._longer(age)
         if not len(length):
             return np.zeros(len(u), np.intp)
-        return length[_inverse(np.cumsum(chance), u)] - age - 1
+        return length[chosen(chance, u)] - age - 1
 
     def _draws(self, n: int, number: int) -> tuple[Floats, Floats]:
         """Stratified numbers: of the scenario (n,), and of what is left of outages (lines, n)."""
@@ -193,9 +193,3 @@ class ScenarioBelief:
 def worth(weight: Floats) -> float:
     """How many scenarios of equal weight these are worth (Kish's effective sample size)."""
     return float(1.0 / np.sum(weight**2))
-
-
-def _inverse(cumulated: Floats, u: Floats) -> Ints:
-    """(paths,) which of some values, of cumulated probability, belongs to a uniform number."""
-    last = len(cumulated) - 1
-    return np.minimum(np.searchsorted(cumulated, u * cumulated[-1], side="right"), last)

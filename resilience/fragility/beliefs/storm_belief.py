@@ -26,8 +26,8 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.fragility.beliefs.bell_paths import strata
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.fragility.beliefs.strata import strata
 from resilience.fragility.lines.damage import accumulated
 from resilience.fragility.lines.spans import factor_nodes, scores, span_speed
 from resilience.fragility.outages.repair import (

@@ -10,8 +10,9 @@ import pytest
 from resilience.arrays import Bools, Floats
 from resilience.fragility.beliefs.bell_belief import BellBelief
 from resilience.fragility.beliefs.bell_day import told_peaks
-from resilience.fragility.beliefs.bell_paths import days_reached, lengths_left, strata
+from resilience.fragility.beliefs.bell_paths import days_reached, lengths_left
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.fragility.beliefs.strata import strata
 from resilience.fragility.draw import draw_day, outage_paths
 from resilience.fragility.outages.bell import Bell
 from tests.histories import history
