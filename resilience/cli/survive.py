@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from resilience.cli import options, terminal
+from resilience.dispatch.registry import REFERENCE
 
 if TYPE_CHECKING:
     from resilience.evaluation.survival import Survival
@@ -24,7 +25,7 @@ def survive(
     ] = USUAL,
     method: Annotated[
         str, typer.Option(help="Who dispatches: a name that `compare` knows.")
-    ] = "rule-0.9",
+    ] = REFERENCE,
     every_h: Annotated[
         float, typer.Option("--every-h", help="Hours from one start to the next.")
     ] = 1.0,

@@ -19,13 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case, load_case
 from resilience.case.critical import critical_loads
 from resilience.case.days import profile_times
 from resilience.case.schema.tables import MAX_SLOTS
-from resilience.dispatch.registry import Factory, factory_of
+from resilience.dispatch.registry import REFERENCE, Factory, factory_of
 from resilience.errors import UsageError
 from resilience.evaluation.measures.metrics import time_to_first_shed
 from resilience.fragility.outages.scenarios import Scenarios
@@ -38,9 +39,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DURATIONS_H = (6.0, 12.0, 24.0, 48.0, 72.0, 96.0, 120.0, 168.0)
-METHOD = "rule-0.9"
 STARTS_AT_ONCE = 2048
-Z_95 = 1.959963984540054  # of the standard normal distribution, 97.5 %
+Z_95 = float(ndtri(0.975))
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def survive(
     case: Case | str | Path,
     durations_h: Sequence[float] = DURATIONS_H,
     *,
-    method: str = METHOD,
+    method: str = REFERENCE,
     every_h: float = 1.0,
 ) -> Survival:
     """How long loads last without the main grid, from every hour of the profiles on.
