@@ -18,7 +18,7 @@ from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean, shortened
 
 _HORIZON = ("start", "slots", "step_min")
-_TABLES = {"outage", "geography", "storm"}
+_TABLES = {"outage", "geography", "storm", "blackout"}
 _HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
 
 

@@ -15,6 +15,7 @@ from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission
 from resilience.case.schema import (
     DEVICES,
+    BlackoutTable,
     DeviceTable,
     ESSTable,
     GeneratorTable,
@@ -76,6 +77,7 @@ class Case:
         outage: the process that outages are drawn from, unless there is a storm.
         geography: how `places` are points on the earth.
         storm: weather on a track, what it breaks, and how that is mended.
+        blackout: lines that are lost together, for a time that nobody knows.
         places: (x, y) of buses by name, in the network's source.
         omissions: what of the network's source is not modelled.
     """
@@ -99,6 +101,7 @@ class Case:
     outage: OutageTable = field(default_factory=OutageTable)
     geography: GeographyTable | None = None
     storm: StormTable | None = None
+    blackout: BlackoutTable | None = None
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     omissions: tuple[Omission, ...] = ()
 
@@ -144,6 +147,14 @@ class Case:
     def step_h(self) -> float:
         """Length of a slot, h."""
         return self.step_min / 60.0
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether what comes has a date: a storm on its track, or a blackout, comes once.
+
+        Its horizon is then the case's, and not some days of its profiles.
+        """
+        return self.blackout is not None or (self.storm is not None and bool(self.storm.points))
 
     @property
     def window(self) -> Window:
@@ -262,7 +273,7 @@ class Case:
     def equals(self, other: Case) -> bool:
         """Whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        tables = ("outages", "outage", "geography", "line", "tank")
+        tables = ("outages", "outage", "geography", "line", "tank", "blackout")
         plain = ("name", "description", *horizon, *tables)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)

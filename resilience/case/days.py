@@ -6,9 +6,11 @@ import math
 from datetime import datetime
 from pathlib import Path
 
+import numpy as np
+
 from resilience.arrays import Times
 from resilience.case.data import Case
-from resilience.case.profiles import read_profile_file
+from resilience.case.profiles import read_profile_file, rows_per_slot
 from resilience.case.schema.tables import MAX_SLOTS
 from resilience.errors import UsageError
 
@@ -19,17 +21,17 @@ TEST_SHARE = 0.25  # of the days of the profiles, the last ones: nothing is tune
 def held_out(case: Case, days: int | None = None) -> Case:
     """The case over the last `days` days of its profiles, which nothing is tuned on.
 
-    A case with a storm keeps its own horizon, without the outages to plan for.
+    A case with a storm or a blackout keeps its own horizon, without the outages to plan for.
 
     Raises:
         UsageError: more days than the last quarter of the profiles has; a case without a profile
             file keeps its own horizon and must have as many days; days of a case with a storm.
     """
-    if case.storm is not None and case.storm.points:
+    if case.is_dated:
         if days is not None:
             raise UsageError(
                 f"--days {days} of case {case.name!r}; allowed: its own horizon, {case.window}",
-                hint="leave out --days: its storm comes once, on the days that the case says",
+                hint="leave out --days: its outages come once, on the days that the case says",
             )
         return case.replace(outages=())
     days = USUAL_DAYS if days is None else days
@@ -57,12 +59,13 @@ def held_out(case: Case, days: int | None = None) -> Case:
 def training(case: Case) -> Case:
     """The case over all days of its profiles before those that `held_out` may keep for tests.
 
-    A case with a storm keeps its own horizon: what differs between training and test are the draws.
+    A case with a storm or a blackout keeps its own horizon: what differs between training and test
+    are the draws.
 
     Raises:
         UsageError: a case whose profiles have no day before the last quarter.
     """
-    if case.storm is not None and case.storm.points:
+    if case.is_dated:
         return case.replace(outages=())
     per_day, times = case.window.slots_per_day, profile_times(case)
     total = case.slots // per_day if times is None else len(times) // per_day
@@ -96,6 +99,11 @@ def check_days(case: Case, days: int) -> None:
 
 
 def profile_times(case: Case) -> Times | None:
-    """(slots,) starts of the slots of a case's profile file; None without a file."""
+    """(slots,) starts of the slots that a case's profile file can fill; None without a file."""
     file = case.source.get("profiles", {}).get("file")
-    return None if file is None else read_profile_file(Path(file)).times
+    if file is None:
+        return None
+    times = read_profile_file(Path(file)).times
+    per_slot = rows_per_slot(times, case.window)
+    first = int(np.flatnonzero(times == np.datetime64(case.start))[0]) % per_slot
+    return times[first : len(times) - (len(times) - first) % per_slot : per_slot]

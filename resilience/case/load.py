@@ -9,6 +9,7 @@ from typing import Any
 
 from resilience.arrays import Floats
 from resilience.case.change import replace_case
+from resilience.case.checks.blackout import check_blackout
 from resilience.case.checks.checks import check_parts
 from resilience.case.checks.geography import check_geography
 from resilience.case.checks.parts import Parts
@@ -26,6 +27,7 @@ from resilience.case.profiles import read_profiles
 from resilience.case.reading import read_list, read_table, show, unknown_key
 from resilience.case.schema import (
     DEVICES,
+    BlackoutTable,
     DeviceTable,
     GeographyTable,
     HeadTable,
@@ -79,6 +81,8 @@ def build_case(document: Document) -> Case:
         check_geography(parts)
     if parts.storm is not None:
         check_storm(parts, parts.storm)
+    if parts.blackout is not None:
+        check_blackout(parts, parts.blackout)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
     if head.reserve_price_per_mwh is not None and not document.mistakes:
@@ -103,6 +107,7 @@ def build_case(document: Document) -> Case:
         outage=outage,
         geography=parts.geography,
         storm=parts.storm,
+        blackout=parts.blackout,
         places=parts.places,
         omissions=parts.omissions,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
@@ -157,7 +162,7 @@ def _read_outage(document: Document) -> OutageTable:
 
 
 def _read_weather(parts: Parts) -> None:
-    """Reads `[geography]` and `[storm]`, where there are any; an unsound one stands as it is."""
+    """Reads `[geography]`, `[storm]` and `[blackout]` if any; an unsound one stands as it is."""
     data, document = parts.document.data, parts.document
     if data.get("geography") is not None:
         where = ("geography",)
@@ -166,6 +171,11 @@ def _read_weather(parts: Parts) -> None:
         )[0]
     if data.get("storm") is not None:
         parts.storm = read_table(StormTable, data["storm"], document, "[storm]", ("storm",))[0]
+    if data.get("blackout") is not None:
+        where = ("blackout",)
+        parts.blackout = read_table(BlackoutTable, data["blackout"], document, "[blackout]", where)[
+            0
+        ]
 
 
 def _required(document: Document, key: str, hint: str) -> TomlTable | None:

@@ -2,8 +2,8 @@
 
 A profile file is CSV (also `.csv.gz`) or Parquet. Its first column is `time`, the start of each
 slot as ISO date and time without a zone; every other column is one profile, in per unit of the
-peak of the device that names it. The step of the file must be the step of the case. CSV files with
-semicolons and decimal commas are read, too.
+peak of the device that names it. A slot of the case that covers several rows has their mean; finer
+than the file a case cannot be. CSV files with semicolons and decimal commas are read, too.
 """
 
 from __future__ import annotations
@@ -186,30 +186,32 @@ def _to_times(texts: Sequence[str], places: Sequence[str]) -> Times:
 
 
 def find_window(file: ProfileFile, window: Window) -> Ints:
-    """The rows that cover the horizon.
+    """(slots, rows of a slot) the rows that cover the horizon.
 
     Raises:
         ProfileError: none do exactly, or a time of the horizon is there twice.
     """
     times, start = file.times, np.datetime64(window.start)
-    _check_step(times, window)
+    per_slot = rows_per_slot(times, window)
+    step_min = window.step_min / per_slot
     if not (times == start).any():
         value = f"rows from {times[0]} to {times[-1]}".replace("T", " ")
         hint = "move [time] start, or use other data"
         raise ProfileError("file", value, f"a row at {window.start}", hint)
     rows = np.flatnonzero((times >= start) & (times < np.datetime64(window.stop)))
     _check_once(file, rows)
-    step = timedelta(minutes=window.step_min)
+    step = timedelta(minutes=step_min)
     for row, (earlier, later) in zip(rows[1:], pairwise(times[rows].tolist()), strict=True):
         if later - earlier != step:
             value = f"{later} after {earlier}, {file.place(row)}"
-            allowed = f"a step of {window.step_min:g} min"
+            allowed = f"a step of {step_min:g} min"
             raise ProfileError("file", value, allowed, "fill the gap in the file, or sort it")
-    if len(rows) < window.slots:
+    if len(rows) < per_slot * window.slots:
         value = f"{len(rows)} rows from {window.start} to {times[-1]}".replace("T", " ")
-        hint = "shorten [time] slots, or use a longer file"
-        raise ProfileError("file", value, f"at least slots = {window.slots}", hint)
-    return rows
+        allowed = f"at least slots = {window.slots}"
+        allowed += "" if per_slot == 1 else f" of {per_slot} rows"
+        raise ProfileError("file", value, allowed, "shorten [time] slots, or use a longer file")
+    return rows.reshape(window.slots, per_slot)
 
 
 def _check_once(file: ProfileFile, rows: Ints) -> None:
@@ -224,15 +226,22 @@ def _check_once(file: ProfileFile, rows: Ints) -> None:
         raise ProfileError("file", value, "every time of the horizon once", hint)
 
 
-def _check_step(times: Times, window: Window) -> None:
+def rows_per_slot(times: Times, window: Window) -> int:
+    """How many rows of a file with these times a slot covers.
+
+    Raises:
+        ProfileError: no whole number of them.
+    """
     if len(times) < 2:
         value, hint = f"{len(times)} rows", "the file holds no time series"
         raise ProfileError("file", value, "one row per slot", hint)
     step_min = float(np.median(np.diff(times).astype(np.int64))) / 60.0
-    if step_min != window.step_min:
-        allowed = f"step_min = {window.step_min:g}"
+    rows = window.step_min / step_min if step_min > 0.0 else 0.0
+    if rows < 1.0 or rows != int(rows):
+        allowed = f"step_min = {window.step_min:g}, or a step that divides it"
         hint = "resample the profiles to the step of the case, or change [time] step_min"
         raise ProfileError("file", f"a time step of {step_min:g} min", allowed, hint)
+    return int(rows)
 
 
 def read_profiles(
@@ -264,7 +273,7 @@ def read_profiles(
             names = set(inline) | set(file.raw)
             rows = find_window(file, window)
             for name in sorted(uses.keys() & file.raw.keys() - inline.keys()):
-                arrays[name] = file.column(name)[rows]
+                arrays[name] = file.column(name)[rows].mean(axis=1)
         except ProfileError as error:
             findings.append((file_name, error.finding))
     for name, values in inline.items():

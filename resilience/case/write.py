@@ -34,7 +34,7 @@ def case_text(case: Case) -> str:
     }
     for kind, tables in case.devices.items():
         data[kind] = [plain(table) for table in tables]
-    for key in ("geography", "storm"):
+    for key in ("geography", "storm", "blackout"):
         if getattr(case, key) is not None:
             data[key] = plain(getattr(case, key))
     if case.reserve_price_per_mwh is not None:

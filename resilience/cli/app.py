@@ -144,6 +144,7 @@ def compare(
     reset_daily: options.ResetDaily = False,
     ac: options.AC = False,
     check_causality: options.CheckCausality = False,
+    dual_bound: options.DualBound = False,
     workers: options.Workers = 1,
     engine: options.EngineName = "local",
     out: options.ReportFolder = None,
@@ -176,6 +177,7 @@ def compare(
             engine=engine,  # type: ignore[arg-type]
             ac=ac,
             causality=check_causality,
+            dual_bound=dual_bound,
             out=out,
             save=False,
         )

@@ -16,6 +16,9 @@ SigmaSlots = Annotated[float | None, Option(help="Width of the bell, slots of 15
 DurationSlots = Annotated[
     tuple[int, int] | None, Option(help="Shortest and longest outage, slots of 15 min.")
 ]
+DurationLaw = Annotated[
+    str | None, Option(help="Of lengths between these two: uniform or lognormal.")
+]
 ShiftSlots = Annotated[
     int | None, Option(help="Other breakpoints peak up to so many slots earlier or later.")
 ]

@@ -150,6 +150,14 @@ CheckCausality = Annotated[
     bool,
     Option("--check-causality", help="First check that no method acts on what is yet to come."),
 ]
+DualBound = Annotated[
+    bool,
+    Option(
+        "--dual-bound",
+        help="Also prove what nobody without foreknowledge stays below: a clairvoyant who pays "
+        "for what it foresees.",
+    ),
+]
 OnePhysics = Annotated[
     str, Option(help="Of everybody, the bound included: copperplate or lindistflow.")
 ]

@@ -93,6 +93,12 @@ def _stochastic_cvar(setting: Setting) -> Dispatcher:
     return Stochastic(setting, risk=Risk(alpha=0.95, weight=0.5))
 
 
+def _comb(setting: Setting) -> Dispatcher:
+    from resilience.dispatch.comb import Comb
+
+    return Comb(setting)
+
+
 def _sddp(setting: Setting) -> Dispatcher:
     from resilience.dispatch.sddp.policy import Sddp
 
@@ -108,6 +114,7 @@ DISPATCHERS: dict[str, Factory] = {
     "mpc": DispatcherEntry(_mpc, plans_for="one", believes=True),
     "stochastic": DispatcherEntry(_stochastic, plans_for="many", believes=True),
     "stochastic-cvar": DispatcherEntry(_stochastic_cvar, believes=True),
+    "comb": DispatcherEntry(_comb, batched=True, plans_for="many", believes=True),
     "sddp": DispatcherEntry(_sddp, plans_for="many", believes=True),
 }
 """What makes each dispatcher, by name; `register_dispatcher` adds to them."""

@@ -14,16 +14,16 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.dispatch.merged_grid import MergedGrid, merged_grid
-from resilience.models.backends.highs import Highs
+from resilience.errors import SolverError
+from resilience.models.backends.base import Solution
+from resilience.models.backends.highs import LONG_HORIZON_OPTIONS, Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import terminal_cuts
 from resilience.models.language.tree import Tree
+from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.simulation.observation import Action, Observation, Rationed
 from resilience.simulation.world import World
-
-LONG_HORIZON_OPTIONS = {"simplex_dual_edge_weight_strategy": -1}
-"""Steepest edge, which HiGHS chooses itself: half the time of Devex on a long horizon."""
 
 
 @dataclass(frozen=True)
@@ -55,22 +55,33 @@ def clairvoyant(world: World) -> Bound:
     burners = sum(unit.tank is not None for unit in case.generator)
     burner_mw = np.zeros((burners, case.slots, n)) if burners else None
     spans = np.split(np.arange(case.slots), world.ends[:-1] + 1)
-    programs: dict[int, _BoundProgram] = {}
+    programs: dict[int, HorizonProgram] = {}
     for slots in spans:
         if len(slots) not in programs:
-            programs[len(slots)] = _BoundProgram(world, len(slots))
+            programs[len(slots)] = HorizonProgram(world, len(slots))
         program = programs[len(slots)]
         program.solve_calm(slots)
         for k in range(n):
-            bound, charging[:, slots, k], power = program.solve(slots, k)
-            objective[k] += bound
+            solution = program.solve(slots, k)
+            objective[k] += program.bound(solution)
+            charging[:, slots, k] = program.charging(solution)
             if burner_mw is not None:
-                burner_mw[:, slots, k] = power
+                burner_mw[:, slots, k] = program.burner_mw(solution)
     return Bound(objective, charging, burner_mw)
 
 
-class _BoundProgram:
-    """The linear program over a number of slots."""
+class HorizonProgram:
+    """The linear program over a number of slots, of which everything is known.
+
+    Args:
+        world: the storms.
+        slots: how many.
+
+    Attributes:
+        states: names of the states that are there: stored energy, fuel.
+        state_columns: (units and tanks, slots) columns of the states at the end of every slot.
+        labels: (units and tanks,) names of the units and tanks.
+    """
 
     def __init__(self, world: World, slots: int) -> None:
         self.world, case = world, world.microgrid.case
@@ -81,46 +92,81 @@ class _BoundProgram:
         tree = Tree.chain([f"t{t}" for t in range(slots)])
         cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
         stage = microgrid.stage(microgrid.case.step_h, may_spill=True)
-        self.standard = unroll([stage], tree, cuts)
-        self.solver = Highs(lower(self.standard, integer="none", modes={}))
+        self.standard = standard = unroll([stage], tree, cuts)
+        self.solver = Highs(lower(standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)
         nothing = np.empty((0, slots), np.intp)
         self.shares = self.merged.burner_shares
-        self.generators = self.standard.columns("generator.p") if len(self.shares) else nothing
+        self.generators = standard.columns("generator.p") if len(self.shares) else nothing
         self.storage = [
-            self.standard.columns(f"ess.{way}") if microgrid.case.ess else nothing
+            standard.columns(f"ess.{way}") if microgrid.case.ess else nothing
             for way in ("charge", "discharge")
         ]
+        self.states = [name for name in ("ess.energy", "tank.level") if standard.has(name)]
+        self.state_columns = np.concatenate([nothing, *map(standard.columns, self.states)])
 
     def solve_calm(self, slots: Ints) -> None:
         """Solves the forecast without outages, from scratch, and remembers its basis."""
         case = self.world.microgrid.case
         self.solver.forget()
-        self._update(slots, np.ones((len(self.world.line_up), len(slots)), bool), case.profile)
+        up = np.ones((len(self.world.line_up), len(slots)), bool)
+        self.solver.update(self._vectors(slots, up, case.profile))
         self.solver.solve()
         self.basis = self.solver.basis()
 
-    def solve(self, slots: Ints, k: int) -> tuple[float, Floats, Floats]:
-        """A proven bound on what scenario k costs, $, (units, slots) its charging, and (burners,
-        slots) what its generators with a tank give, MW.
+    def solve(self, slots: Ints, k: int, state_price: Floats | None = None) -> Solution:
+        """The optimum of scenario k.
+
+        Args:
+            slots: of the horizon.
+            k: the scenario.
+            state_price: (units and tanks, slots) $ per MWh or m³ at the end of every slot, beyond
+                what the case says.
         """
         world = self.world
         names = [None, *world.microgrid.case.profiles]
         every = np.arange(world.microgrid.case.slots)
         true = {name: world.profile(name, every)[:, k] for name in names}
-        self._update(slots, world.line_up[:, slots, k], true.__getitem__)
+        vectors = self._vectors(slots, world.line_up[:, slots, k], true.__getitem__)
+        if state_price is not None:
+            vectors.cost[self.state_columns] += state_price
+        self.solver.update(vectors)
         self.solver.start_at(self.basis)
-        solution = self.solver.solve()
-        charge, discharge = (solution.point[columns] for columns in self.storage)
-        bound = self.solver.certified_bound(solution)
-        power = solution.point[self.generators]
-        return bound, charge - discharge, self.shares @ power if len(self.shares) else power[:0]
+        return self.solver.solve()
 
-    def _update(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> None:
+    def bound(self, solution: Solution) -> float:
+        """What a scenario costs at least, $, proven from multipliers."""
+        return self.solver.certified_bound(solution)
+
+    def charging(self, solution: Solution) -> Floats:
+        """(units, slots) charging power, MW."""
+        charge, discharge = (solution.point[columns] for columns in self.storage)
+        return np.asarray(charge - discharge)
+
+    def burner_mw(self, solution: Solution) -> Floats:
+        """(burners, slots) MW of the generators with a tank."""
+        return np.asarray(self.shares @ solution.point[self.generators])
+
+    def levels(self, solution: Solution) -> Floats:
+        """(units and tanks, slots) MWh and m³ at the end of every slot."""
+        return solution.point[self.state_columns]
+
+    def worth(self, solution: Solution) -> Floats:
+        """(units and tanks, slots) $ that one more MWh or m³ at the end of a slot saves behind it.
+
+        Raises:
+            SolverError: the solution carries no multipliers.
+        """
+        if solution.duals is None:
+            raise SolverError("a solution without multipliers", hint="make `Highs` with `duals`")
+        rows = [self.standard.rows(f"{name.split('.')[0]}.dynamics") for name in self.states]
+        return solution.duals.rows[np.concatenate(rows)]
+
+    def _vectors(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> Vectors:
         microgrid = self.merged.microgrid
         of_slots = self.merged.profile(lambda name: profile(name)[slots])
         data = microgrid.data(microgrid.situation(up, of_slots))
-        self.solver.update(self.standard.vectors(data, microgrid.start()))
+        return self.standard.vectors(data, microgrid.start())
 
 
 class Replay:

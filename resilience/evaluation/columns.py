@@ -8,7 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.dispatch.comb import COMB
 from resilience.evaluation.ac_check import TrajectoryACCheck
+from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
 from resilience.evaluation.paired import cost_by_day
@@ -23,6 +25,8 @@ COLUMNS = {
     "worst_per_day": "the dearest episode",
     "worst_day": "operating cost of the dearest day of any episode, $",
     "gap_percent": "(expected cost - expected bound) / |expected bound|, %",
+    "over_comb_percent": "cost above that of `comb` on the same episodes, % of it",
+    "over_dual_percent": "cost above the dual bound, % of it; what penalties pay is noise",
     "score": "(rule 0.9 - cost) / (rule 0.9 - bound), all expected",
     "over_rule_per_day": "cost - rule 0.9 on the same episodes, expected $",
     "over_rule_low": "lower end of its 95 % interval over days and episodes",
@@ -70,7 +74,7 @@ AC_COLUMNS = {
 
 def row(judged: Judged, name: str) -> dict[str, float]:
     """All columns of one method."""
-    values = _costs(judged, name) | _against_rule(judged, name)
+    values = _costs(judged, name) | _over_best(judged, name) | _against_rule(judged, name)
     values |= _service(judged, name) | _times(judged, name)
     if judged.certificates is not None:
         values |= _ac(judged.certificates[name], judged.days, judged.scenarios.probability)
@@ -102,6 +106,19 @@ def _costs(judged: Judged, name: str) -> dict[str, float]:
         / days,
         "end_energy_mwh": statistics.expected(judged.trajectories[name].credited_mwh, likely),
     }
+
+
+def _over_best(judged: Judged, name: str) -> dict[str, float]:
+    """How far a method is from what nobody without foreknowledge stays below."""
+    likely, over = judged.scenarios.probability, {}
+    if COMB in judged.objective and name != BOUND:
+        mean, best = (statistics.expected(judged.objective[n], likely) for n in (name, COMB))
+        over["over_comb_percent"] = 100.0 * float(statistics.gap_to_bound(mean, best))
+    if judged.dual is not None and name in judged.dual.penalty:
+        bound = judged.dual.mean(judged.objective)
+        above = judged.dual.over(name, judged.objective[name])
+        over["over_dual_percent"] = 100.0 * float(statistics.gap_to_bound(bound + above, bound))
+    return over
 
 
 def _against_rule(judged: Judged, name: str) -> dict[str, float]:

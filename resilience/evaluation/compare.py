@@ -15,9 +15,15 @@ import numpy as np
 from resilience.case import Case, load_case
 from resilience.case.days import held_out
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
+from resilience.dispatch.comb import COMB, beyond_comb, comb_optimum
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError, check_range
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
+from resilience.evaluation.bounds.dual_bound import (
+    beyond_dual_bound,
+    no_dual_bound,
+    prove_dual_bound,
+)
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, check_engine
 from resilience.evaluation.measures.measures import measure
@@ -73,6 +79,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
     engine: Engine = "local",
     ac: bool = False,
     causality: bool = False,
+    dual_bound: bool = False,
     out: str | Path | None = None,
     save: bool = True,
 ) -> Report:
@@ -104,6 +111,8 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         ac: certifies all trajectories by AC power flow.
         causality: first checks that no method acts on what has not happened yet, see
             `check_causality`.
+        dual_bound: also proves what nobody without foreknowledge stays below on average, see
+            `bounds.dual_bound`; for storms drawn from the case's own bell or blackout.
         out: folder for the report; every finished part is written to it at once, and a call that
             was interrupted goes on from there.
         save: whether the report is written there, too, once it is complete.
@@ -137,6 +146,10 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         reset_daily=reset_daily,
         believed=believed,
     )
+    if scenarios is None and case.ess and not beyond_comb(world.setting):
+        makers.setdefault(COMB, DISPATCHERS[COMB])
+    if dual_bound and (reason := beyond_dual_bound(world)):
+        raise no_dual_bound(reason)
     if causality:
         slots = check_causality(world, makers)
         notice(causality_text(makers, slots, world))
@@ -149,6 +162,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         out=out,
         save=save,
         forecast_error=_text(error),
+        dual=dual_bound,
     )
 
 
@@ -179,7 +193,7 @@ def _believed(
     return storms if str(source) == "same" else load_scenarios(source, case)
 
 
-def evaluate(
+def evaluate(  # noqa: PLR0913 as `compare`
     world: World,
     methods: Methods,
     *,
@@ -189,6 +203,7 @@ def evaluate(
     out: str | Path | None = None,
     save: bool = True,
     forecast_error: str | None = None,
+    dual: bool = False,
 ) -> Report:
     """Judges dispatchers in a world of one's own; `compare` makes the usual one.
 
@@ -201,6 +216,7 @@ def evaluate(
         out: folder for the report and for what is needed to go on after an interruption.
         save: whether the report is written there, too, once it is complete.
         forecast_error: how the report calls the errors of `world.outlook`.
+        dual: also proves what nobody without foreknowledge stays below on average.
 
     Raises:
         UsageError: an unknown method or engine, or a folder that holds something else.
@@ -216,7 +232,7 @@ def evaluate(
     with interruptible(lambda: what_is_there("all", store)):
         by_name = run_all(world, makers, workers=workers, engine=engine, store=store)
         trajectories = {name: by_name[name] for name in (*makers, BOUND)}
-        report = _report(world, trajectories, ac, forecast_error)
+        report = _report(world, trajectories, ac, forecast_error, dual)
         if out is not None and save:
             with phase("writing"):
                 report.save(out)
@@ -224,11 +240,16 @@ def evaluate(
 
 
 def _report(
-    world: World, trajectories: Mapping[str, Trajectory], ac: bool, forecast_error: str | None
+    world: World,
+    trajectories: Mapping[str, Trajectory],
+    ac: bool,
+    forecast_error: str | None,
+    dual: bool,
 ) -> Report:
     demand_mw = demand(world)
     if forecast_error is None:
         forecast_error = "none" if world.outlook is None else "given"
+    blind = {name: done for name, done in trajectories.items() if name != BOUND}
     return Report(
         world=world,
         trajectories=trajectories,
@@ -238,6 +259,8 @@ def _report(
         bound=proven_bound(trajectories[BOUND]),
         certificates=_ac_checks(world, trajectories) if ac else None,
         forecast_error=forecast_error,
+        comb=comb_optimum(world.setting) if COMB in trajectories else None,
+        dual=prove_dual_bound(world, blind) if dual else None,
     )
 
 

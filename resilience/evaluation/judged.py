@@ -13,6 +13,7 @@ from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.dispatch.registry import REFERENCE, names_planning_for
 from resilience.evaluation.ac_check import TrajectoryACCheck
+from resilience.evaluation.bounds.dual_bound import DualBound
 from resilience.evaluation.comparison import BOUND, check_bound
 from resilience.evaluation.measures.intervals import MeanInterval
 from resilience.evaluation.measures.measures import Measures
@@ -38,6 +39,9 @@ class Judged:
         bound: (episodes,) $, the clairvoyant optimum, which no dispatcher can beat.
         certificates: method to what AC power flow says; None where it was not run.
         forecast_error: how load and PV differ from their forecast, in words.
+        comb: $ an episode that nobody without foreknowledge costs less than on average, where only
+            the end of a blackout is unknown; None elsewhere.
+        dual: the like of any case, where it was asked for.
     """
 
     world: World = field(repr=False)
@@ -46,16 +50,21 @@ class Judged:
     bound: Floats = field(repr=False)
     certificates: Mapping[str, TrajectoryACCheck] | None = field(default=None, repr=False)
     forecast_error: str = "none"
+    comb: float | None = None
+    dual: DualBound | None = None
 
     reference = REFERENCE
 
     def __post_init__(self) -> None:
-        """Refuses methods that beat the bound.
+        """Refuses methods that beat a bound.
 
         Raises:
             CertificateError: one does; method, episode, cost and bound are named.
         """
-        check_bound(self.objective, self.bound, case_cost_scale(self.case), self.world.index)
+        scale = case_cost_scale(self.case)
+        check_bound(self.objective, self.bound, scale, self.world.index)
+        if self.dual is not None:
+            self.dual.check(self.objective, scale)
 
     @property
     def case(self) -> Case:

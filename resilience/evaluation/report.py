@@ -84,6 +84,11 @@ class Report(Judged):
         return "" if believed is None or storms.seed is not None else "the case's own process"
 
     @property
+    def dual_per_day(self) -> float | None:
+        """The dual bound, $ per day; None where it was not asked for."""
+        return None if self.dual is None else self.dual.mean(self.objective) / self.days
+
+    @property
     def triviality(self) -> statistics.Triviality:
         """Whether the case tells methods apart at all."""
         likely = self.scenarios.probability
@@ -126,6 +131,8 @@ class Report(Judged):
             "warnings": list(self.warnings),
             "bound_per_day": statistics.expected(self.bound, likely) / self.days,
             "bound_seconds": self.bound_seconds,
+            "comb_per_day": None if self.comb is None else self.comb / self.days,
+            "dual_bound_per_day": self.dual_per_day,
             "triviality_percent": 100.0 * room,
             "trivial": self.triviality.trivial,
             "infrastructure": {

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import BOUND, Compared, day_spans
 from resilience.evaluation.measures.intervals import MeanInterval
 from resilience.evaluation.measures.statistics import triviality
 from resilience.evaluation.paired import days_of, difference, expected, varies_days
+
+if TYPE_CHECKING:
+    from resilience.evaluation.judged import Judged
 
 SHED_RESOLUTION_MWH = 5e-4
 """Shedding per day that is printed alike is called alike, MWh."""
@@ -46,6 +50,24 @@ def verdict(compared: Compared) -> tuple[str, ...]:
     sentences += _as_good(compared, best, others)
     sentences.append(_room(compared))
     return tuple(sentences)
+
+
+def yardsticks(judged: Judged) -> list[str]:
+    """What nobody without foreknowledge stays below, in sentences; none where nothing is known."""
+    days, sentences = judged.days, []
+    if judged.comb is not None:
+        sentences.append(
+            f"Nobody who does not know the end of the blackout costs less than "
+            f"{judged.comb / days:.2f} $/day on average over all ends (comb)."
+        )
+    if judged.dual is not None:
+        bound = judged.dual.mean(judged.objective) / days
+        sentences.append(
+            f"Nobody without foreknowledge costs less than {bound:.2f} $/day on average, as far as "
+            f"these episodes show (dual bound; the clairvoyant's is "
+            f"{expected(judged, judged.bound) / days:.2f})."
+        )
+    return sentences
 
 
 def _best(compared: Compared, best: str) -> str:

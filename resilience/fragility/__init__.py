@@ -8,7 +8,6 @@ from resilience.lazy import lazy_names
 
 if TYPE_CHECKING:
     from resilience.fragility.draw import (
-        breakpoints,
         fixed,
         outages_from,
         sample_bell,
@@ -25,6 +24,8 @@ if TYPE_CHECKING:
         poles_in_series,
     )
     from resilience.fragility.outages.bell import Bell, case_bell
+    from resilience.fragility.outages.blackout import Blackout, case_blackout
+    from resilience.fragility.outages.breakpoints import breakpoints
     from resilience.fragility.outages.files import load_scenarios
     from resilience.fragility.outages.reduction import load_behind_mw, reduced
     from resilience.fragility.outages.repair import Repair
@@ -38,6 +39,7 @@ else:
 __all__ = [
     "CURVES",
     "Bell",
+    "Blackout",
     "Curve",
     "Repair",
     "Sampling",
@@ -48,6 +50,7 @@ __all__ = [
     "Timing",
     "breakpoints",
     "case_bell",
+    "case_blackout",
     "effective_size",
     "expected_moments",
     "failed_by",

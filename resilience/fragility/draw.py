@@ -14,6 +14,8 @@ from resilience.case.days import check_days
 from resilience.case.window import DAY_MIN
 from resilience.errors import UsageError
 from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, BellSettings, case_bell
+from resilience.fragility.outages.blackout import case_blackout
+from resilience.fragility.outages.breakpoints import breakpoints
 from resilience.fragility.outages.scenarios import Scenarios
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 
 BATCH = 16
 """Scenarios drawn at once: their generators and numbers take more memory than their outages."""
-DRAWN = ("bell", "storm")
+DRAWN = ("bell", "storm", "blackout")
 """Outages that are drawn, as a user names them."""
 
 
@@ -38,21 +40,6 @@ class Day:
     forecast: Ints
     fails: Bools
     lengths: Ints
-
-
-def breakpoints(case: Case) -> tuple[str, ...]:
-    """Lines that storms may break, in the order of the network.
-
-    Raises:
-        UsageError: the case marks none.
-    """
-    network = case.network
-    names = tuple(n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b)
-    if not names:
-        raise UsageError(
-            f"case {case.name!r} has no breakpoint", hint="mark lines with `breakpoint = true`"
-        )
-    return names
 
 
 def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None = None) -> Scenarios:
@@ -155,11 +142,13 @@ def outage_paths(days: Sequence[Day], bell: Bell) -> Bools:
 
 
 def sample_case(case: Case, n: int, seed: int) -> Scenarios:
-    """`n` outage paths of the case's own process: its storm, or its bell where it states none.
+    """`n` outage paths of the case's own process: its blackout, its storm, or else its bell.
 
     Raises:
-        CaseError, UsageError: as `storm_scenarios` or `sample_bell`.
+        CaseError, UsageError: as `Blackout.sample`, `storm_scenarios` or `sample_bell`.
     """
+    if case.blackout is not None:
+        return case_blackout(case).sample(n, seed)
     if case.storm is not None and case.storm.points:
         from resilience.fragility.chain import storm_scenarios
 
@@ -180,7 +169,7 @@ def draw(  # noqa: PLR0913 every one is an option of the command line
     shift: float = 0.0,
     **bell: Unpack[BellSettings],
 ) -> Scenarios:
-    """`n` outage paths as a user asks for them: of a track, the case's storm, or the bell.
+    """`n` outage paths as a user asks for them: of a track, the case's blackout or storm, the bell.
 
     Args:
         case: the case.
@@ -201,6 +190,8 @@ def draw(  # noqa: PLR0913 every one is an option of the command line
     from resilience.fragility.chain import reader, storm_scenarios
 
     settings = [key for key, value in bell.items() if value is not None]
+    if case.blackout is not None and track is None and not settings:
+        return _blackout(case, n, seed, days, shift)
     stormy = track is not None or (case.storm is not None and bool(case.storm.points))
     if track is not None and settings:
         raise UsageError(
@@ -225,28 +216,58 @@ def draw(  # noqa: PLR0913 every one is an option of the command line
     return storm_scenarios(case, n, seed, read, shift)
 
 
-def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ...]:
-    """One draw as a list of outages, the first scenario of that seed: of the bell, or the storm.
+def _blackout(case: Case, n: int, seed: int, days: int | None, shift: float) -> Scenarios:
+    """Draws of a case's blackout, which has no days and no poles."""
+    if days is not None or shift:
+        option = f"shift {shift:g}" if shift else f"{days} days"
+        raise UsageError(
+            f"{option} of a blackout; allowed: neither of them",
+            hint=f"it comes once, over the case's horizon, {case.window}",
+        )
+    return case_blackout(case).sample(n, seed)
+
+
+def sample_of(case: Case, process: str, n: int, seed: int) -> Scenarios:
+    """`n` outage paths of a process by its name in `DRAWN`, whatever else the case states.
 
     Raises:
-        CaseError, UsageError: as `storm_scenarios` or `sample_bell`.
+        CaseError, UsageError: as `Blackout.sample`, `storm_scenarios` or `sample_bell`.
     """
-    from resilience.case import Outage
+    if process == "bell":
+        return sample_bell(case, case_bell(case), n, seed)
+    if process == "blackout":
+        return case_blackout(case).sample(n, seed)
     from resilience.fragility.chain import storm_scenarios
 
-    drawn = storm_scenarios(case, 1, seed) if bell is None else sample_bell(case, bell, 1, seed)
-    events = drawn.events()
-    return tuple(Outage(line, first, stop) for _, line, first, stop in events)
+    return storm_scenarios(case, n, seed)
+
+
+def sample_outages(case: Case, bell: Bell | None, seed: int) -> tuple[Outage, ...]:
+    """One draw as a list of outages, the first scenario of that seed: of the bell, or of the
+    case's own process where there is none.
+
+    Raises:
+        CaseError, UsageError: as `sample_case` or `sample_bell`.
+    """
+    drawn = sample_case(case, 1, seed) if bell is None else sample_bell(case, bell, 1, seed)
+    return listed(drawn)
+
+
+def listed(drawn: Scenarios) -> tuple[Outage, ...]:
+    """The outages of one scenario."""
+    from resilience.case import Outage
+
+    return tuple(Outage(line, first, stop) for _, line, first, stop in drawn.events())
 
 
 def outages_from(
     text: str | Path | Sequence[str] | None, case: Case, seed: int | None = None
 ) -> tuple[Outage, ...]:
-    """Outages as a user asks for them: a draw of the case's bell or storm, or what `parse_outages`
-    reads.
+    """Outages as a user asks for them: a draw of the case's bell, storm or blackout, or what
+    `parse_outages` reads.
 
     Args:
-        text: `"bell"`, `"storm"`, `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's
+        text: one of `DRAWN`, `"6-26@14:00-17:30, ..."`, a CSV file, or `"none"`; the case's
             own if None.
         case: says which lines there are, and the horizon.
         seed: of the draw; 0 if omitted.
@@ -259,10 +280,10 @@ def outages_from(
 
     word = str(text).strip().lower()
     if word in DRAWN:
-        return sample_outages(case, case_bell(case) if word == "bell" else None, seed or 0)
+        return listed(sample_of(case, word, 1, seed or 0))
     if seed is not None:
         raise UsageError(
-            f"seed {seed} without a draw; allowed: a seed with the outages `bell` or `storm`",
+            f"seed {seed} without a draw; allowed: a seed with the outages {', '.join(DRAWN)}",
             hint="add `--outages bell`, or leave out the seed",
         )
     return case.outages if text is None else parse_outages(text, case)

@@ -10,8 +10,7 @@ import numpy as np
 from resilience.case import Case, load_case
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.errors import UsageError
-from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_bell, sample_case
-from resilience.fragility.outages.bell import case_bell
+from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_case, sample_of
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.components import in_roles
@@ -63,8 +62,8 @@ def scenarios_for(
     Args:
         case: the case.
         outages: a file of scenarios (.npz, .csv), a list of outages (one certain scenario), or
-            drawn: `bell` from the case's `[outage]`, `storm` from its `[storm]`, None from the
-            latter if there is one.
+            drawn: `bell` from the case's `[outage]`, `storm` from its `[storm]`, `blackout` from
+            its `[blackout]`, None from the last of these that there is.
         number: how many are drawn, or the scenarios themselves.
         seed: of the draw; 0 if omitted.
 
@@ -97,13 +96,7 @@ def scenarios_for(
 
 
 def _draw(case: Case, source: str, n: int, seed: int) -> Scenarios:
-    if source == "bell":
-        return sample_bell(case, case_bell(case), n, seed)
-    if source == "storm":
-        from resilience.fragility.chain import storm_scenarios
-
-        return storm_scenarios(case, n, seed)
-    return sample_case(case, n, seed)
+    return sample_of(case, source, n, seed) if source in DRAWN else sample_case(case, n, seed)
 
 
 def plan_over_scenarios(

@@ -14,9 +14,10 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from resilience.dispatch.comb import COMB
 from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import BOUND
-from resilience.evaluation.verdict import few_events, verdict
+from resilience.evaluation.verdict import few_events, verdict, yardsticks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,6 +86,10 @@ COLUMNS = (
         sign=True,
     ),
     Column("gap_percent", "gap", "%", 2, 4, "cost above the bound"),
+    Column(
+        "over_comb_percent", "over comb", "%", 2, 4, "cost above that of comb on these episodes"
+    ),
+    Column("over_dual_percent", "over dual", "%", 2, 4, "cost above the dual bound"),
     Column("score", "score", "", 2, 6, f"1 is the bound, 0 is {REFERENCE}"),
     Column("shed_mwh_per_day", "shed", "MWh/day", 3, 2),
     Column("lolp", "LOLP", "%", 2, 9, "share of time in which anything is shed", 100.0),
@@ -124,6 +129,8 @@ def print_report(report: Report, console: Console) -> None:
     console.print()
     for sentence, style in zip(verdict(report), ("bold", *[""] * 9), strict=False):
         console.print(sentence, style=style, highlight=False)
+    for sentence in yardsticks(report):
+        console.print(sentence, highlight=False)
     console.print()
     frame = _ordered(report)
     shown = chosen(frame, console.width)
@@ -190,6 +197,8 @@ def _table(frame: pd.DataFrame, shown: list[Column]) -> Table:
 
 def _legend(frame: pd.DataFrame, shown: list[Column]) -> str:
     parts = [f"{BOUND}: the bound, storms known in advance"]
+    if COMB in frame.index:
+        parts.append(f"{COMB}: the optimum of whoever knows all but the end of the blackout")
     parts += [f"{column.head}: {column.about}" for column in shown if column.about]
     text = "; ".join(parts) + "."
     hidden = len(_filled(frame)) - len(shown)

@@ -10,7 +10,7 @@ from resilience.case.document import Document
 from resilience.case.inline import Inline
 from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission
-from resilience.case.schema import GeographyTable, LineTable, StormTable, TankTable
+from resilience.case.schema import BlackoutTable, GeographyTable, LineTable, StormTable, TankTable
 from resilience.case.window import Window
 
 
@@ -29,6 +29,7 @@ class Parts:
         omissions: what of the network file is not modelled.
         geography: the table `[geography]`.
         storm: the table `[storm]`.
+        blackout: the table `[blackout]`.
         devices: by kind, tables with their titles in messages: `[[ess]] ess2`.
     """
 
@@ -42,6 +43,7 @@ class Parts:
     omissions: tuple[Omission, ...] = ()
     geography: GeographyTable | None = None
     storm: StormTable | None = None
+    blackout: BlackoutTable | None = None
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)
 
     def all_devices(self) -> Iterator[tuple[str, Any, str]]:

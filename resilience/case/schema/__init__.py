@@ -17,6 +17,8 @@ from resilience.case.schema.devices import (
 )
 from resilience.case.schema.fields import Table
 from resilience.case.schema.storm import (
+    LAW_PARAMETERS,
+    BlackoutTable,
     CloudTable,
     CurveTable,
     ForecastTable,
@@ -39,6 +41,8 @@ from resilience.case.schema.tables import (
 
 __all__ = [
     "DEVICES",
+    "LAW_PARAMETERS",
+    "BlackoutTable",
     "BranchTable",
     "BusTable",
     "CloudTable",

@@ -31,7 +31,7 @@ from resilience.case.schema.fields import (
     Share,
     Table,
 )
-from resilience.case.schema.storm import GeographyTable, StormTable
+from resilience.case.schema.storm import BlackoutTable, GeographyTable, StormTable
 from resilience.case.schema.tables import (
     HeadTable,
     LineTable,
@@ -354,6 +354,7 @@ class _NetworkAndTime(HeadTable):
     outage: OutageTable = Field(default_factory=OutageTable)
     geography: GeographyTable | None = None
     storm: StormTable | None = None
+    blackout: BlackoutTable | None = None
 
 
 def defaults_table() -> type[Table]:

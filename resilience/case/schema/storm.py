@@ -1,4 +1,5 @@
-"""The tables of a case file for where it stands and what storm comes: `[geography]`, `[storm]`.
+"""The tables of a case file for where it stands and what comes: `[geography]`, `[storm]`,
+`[blackout]`.
 
 Times of a storm are local, `utc_offset_h` hours ahead of UTC. Names of wind fields and curves are
 those of `resilience.fragility`, which reads them.
@@ -13,6 +14,15 @@ from pydantic import Field
 
 from resilience.case.schema.fields import Loose, Name, NonNegative, Positive, Share, Table
 
+LAW_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "fixed": ("hours",),
+    "uniform": ("shortest", "longest"),
+    "lognormal": ("median", "sigma"),
+    "exponential": ("mean",),
+}
+"""What the hours of a law are, law by law; sigma is of the logarithm."""
+Law = Literal["fixed", "uniform", "lognormal", "exponential"]
+Hours = Annotated[tuple[NonNegative, ...], Field(strict=False)]
 Point = Annotated[tuple[datetime, float, float, Loose, Loose], Field(strict=False)]
 
 
@@ -42,10 +52,8 @@ class GeographyTable(Table):
 class RepairTable(Table):
     """`[storm.repair]`: how long it takes to mend a line, and when crews may work."""
 
-    law: Literal["fixed", "uniform", "lognormal", "exponential"] = Field(
-        "lognormal", description="of the hours of work on one line"
-    )
-    hours: Annotated[tuple[NonNegative, ...], Field(strict=False)] = Field(
+    law: Law = Field("lognormal", description="of the hours of work on one line")
+    hours: Hours = Field(
         (6.0, 0.5),
         description="fixed: [hours]; uniform: [fewest, most]; lognormal: [median, sigma of the "
         "logarithm]; exponential: [mean]",
@@ -200,3 +208,23 @@ class StormTable(Table):
     def utc(self, on_horizon: datetime) -> datetime:
         """UTC of the storm at a time of the horizon."""
         return on_horizon - self.shift - timedelta(hours=self.utc_offset_h)
+
+
+class BlackoutTable(Table):
+    """`[blackout]`: lines that are lost together, and back together after an unknown time."""
+
+    lines: Annotated[tuple[Name, ...], Field(strict=False)] = Field(
+        (), description="names of the lines that are lost; empty: all breakpoints"
+    )
+    start: datetime | None = Field(
+        None, description="local date and time of the loss; absent: the first slot's start"
+    )
+    law: Law = Field("lognormal", description="of the hours until the lines are back")
+    hours: Hours = Field(
+        (24.0, 0.8),
+        description="fixed: [hours]; uniform: [fewest, most]; lognormal: [median, sigma of the "
+        "logarithm]; exponential: [mean]",
+    )
+    longest_h: Positive | None = Field(
+        None, description="hours after which the lines are back for certain; absent: no limit"
+    )

@@ -7,7 +7,7 @@ currency of the case, per MWh. Rules that join two keys or two tables live in `c
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
@@ -164,6 +164,11 @@ class OutageTable(Table):
     )
     duration_slots: Annotated[tuple[Slots, Slots], Field(strict=False)] = Field(
         (12, 15), description="[shortest, longest] outage, in slots of 15 minutes, both included"
+    )
+    duration_law: Literal["uniform", "lognormal"] = Field(
+        "uniform",
+        description="of the lengths between these: all alike, or lognormal with the two ends two "
+        "standard deviations from the median",
     )
     shift_slots: int = Field(
         3,

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,14 +44,10 @@ def past_days(case: Case) -> Days:
 
     Days are whole and begin at midnight; a case that is shorter than a day is one day of its own.
     """
-    from resilience.case.days import TEST_SHARE
+    from resilience.case.days import TEST_SHARE, profile_times
 
-    per_day = case.window.slots_per_day
-    file = case.source.get("profiles", {}).get("file")
-    if file is not None:
-        from resilience.case.profiles import read_profile_file
-
-        times = read_profile_file(Path(file)).times
+    per_day, times = case.window.slots_per_day, profile_times(case)
+    if times is not None:
         days = len(times) // per_day
         first = times[0].astype("datetime64[s]").item()
         training_days = max(days - math.ceil(TEST_SHARE * days), 1)

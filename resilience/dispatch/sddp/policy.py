@@ -41,10 +41,10 @@ class Sddp:
 
     def __init__(self, setting: Setting, book: Book | None = None, *, paths: int = PATHS) -> None:
         case = setting.case
-        if case.storm is not None:
+        if case.storm is not None or case.blackout is not None:
+            once = "a blackout" if case.storm is None else f"the one storm {case.storm.name!r}"
             raise UsageError(
-                f"sddp learns days that are alike, and case {case.name!r} has the one storm "
-                f"{case.storm.name!r}",
+                f"sddp learns days that are alike, and case {case.name!r} has {once}",
                 hint="use the dispatcher `stochastic`",
             )
         if setting.believed != CASE:

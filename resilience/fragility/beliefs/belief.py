@@ -1,8 +1,8 @@
 """What a dispatcher believes of outages to come, given what an operator has seen.
 
 `BellBelief` believes in the paper's bell (`bell_day.py`), `StormBelief` in a storm on its track
-(`storm_belief.py`), `ScenarioBelief` in scenarios (`scenario_belief.py`); `case_belief` gives a
-case its own.
+(`storm_belief.py`), `BlackoutBelief` in a blackout of unknown length (`blackout_belief.py`),
+`ScenarioBelief` in scenarios (`scenario_belief.py`); `case_belief` gives a case its own.
 """
 
 from __future__ import annotations
@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.fragility.beliefs.bell_belief import BellBelief
+from resilience.fragility.beliefs.blackout_belief import BlackoutBelief
 from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.outages.bell import Bell, case_bell
+from resilience.fragility.outages.blackout import case_blackout
 
 if TYPE_CHECKING:
     from resilience.case import Case
@@ -55,7 +57,7 @@ class Belief(Protocol):
 def case_belief(
     case: Case, lines: tuple[str, ...], *, bell: Bell | None = None, seed: int = 0
 ) -> Belief:
-    """What the operator of a case believes: its storm, or its bell where there is none.
+    """What the operator of a case believes: its blackout, its storm, or else its bell.
 
     Args:
         case: the case.
@@ -67,6 +69,8 @@ def case_belief(
         CaseError: the case does not say where its lines are.
         UsageError: a setting out of range.
     """
+    if bell is None and case.blackout is not None:
+        return BlackoutBelief(case_blackout(case), lines, seed)
     if bell is None and case.storm is not None and case.storm.points:
         from resilience.fragility.beliefs.storm_belief import StormBelief
         from resilience.fragility.chain import storm

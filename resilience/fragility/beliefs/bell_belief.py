@@ -66,6 +66,15 @@ class BellBelief:
             free = self._carried(began, free)
         return begins
 
+    def next_down(self, history: LineHistory) -> Floats:
+        """(lines,) probability that each line is down in the next slot."""
+        stays = np.zeros(self.lines)
+        if self.overnight or history.t < self.per_day - 1:
+            for k in np.flatnonzero(history.is_down).tolist():
+                slots_left = lengths_left(self.bell, int(history.age[k]), self.per_day)
+                stays[k] = (slots_left > 0).mean()
+        return stays + self.chances(history, 1)[:, 0]
+
     def expected_left(self, history: LineHistory) -> Ints:
         """(lines,) slots after the present one that a line which is down stays so, on average.
 

@@ -5,10 +5,13 @@ On each day the hazard peaks in a random slot $c$,
 $$ p_t = p_\text{max} \exp\left(-\frac{(t - c)^2}{2 \sigma^2}\right), $$
 
 in every slot a line that has not failed yet fails with probability $p_t$, and is back after 12 to
-15 slots. Other breakpoints have the same bell, shifted by up to 3 slots. What the paper leaves open
-is a setting here, with a default. Its draw per slot depends on the step: halving the slot doubles
-the number of draws. With `rate` the same bell is a rate of failures per reference slot of 15
-minutes, $-\ln(1 - p_t)$, integrated over the slot, and the step does not matter.
+15 slots, all lengths equally likely. Lengths may be lognormal instead, as times of restoration are:
+their median is the geometric mean of the shortest and the longest, which lie two standard
+deviations from it, and none is beyond them. Other breakpoints have the same bell, shifted by up to
+3 slots. What the paper leaves open is a setting here, with a default. Its draw per slot depends on
+the step: halving the slot doubles the number of draws. With `rate` the same bell is a rate of
+failures per reference slot of 15 minutes, $-\ln(1 - p_t)$, integrated over the slot, and the step
+does not matter.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
 
 from resilience.arrays import Floats, Ints
 from resilience.case.schema.tables import MAX_SIGMA_SLOTS
@@ -31,6 +35,9 @@ if TYPE_CHECKING:
 
 REFERENCE_MIN = 15.0  # the paper's slot
 REFERENCE_SLOTS = 96  # of a day
+DURATION_LAWS = ("uniform", "lognormal")
+END_DEVIATIONS = 2.0  # from the median to the shortest and the longest of lognormal lengths
+LENGTHS = 50  # that stand for lognormal ones, equally likely
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,8 @@ class Bell:
         probability: of an outage of a line on a day whose bell is not cut off by midnight.
         height: of the bell, as a probability per slot; replaces `probability` if given.
         sigma_slots: width of the bell.
-        duration_slots: shortest and longest outage, both included, all lengths equally likely.
+        duration_slots: shortest and longest outage, both included.
+        duration_law: of the lengths between them: uniform or lognormal.
         shift_slots: breakpoints other than the first peak up to so many slots earlier or later.
         shared_shift: all of them are shifted alike.
         common_draw: all lines use the same random number in a slot (comonotone), not one each.
@@ -60,6 +68,7 @@ class Bell:
     height: float | None = None
     sigma_slots: float = 4.0
     duration_slots: tuple[int, int] = (12, 15)
+    duration_law: str = "uniform"
     shift_slots: int = 3
     shared_shift: bool = False
     common_draw: bool = False
@@ -78,6 +87,7 @@ class Bell:
             ("height", 0.0 <= (self.height or 0.0) < 1.0, "0 up to, but not, 1"),
             ("sigma_slots", 0.0 < self.sigma_slots <= MAX_SIGMA_SLOTS, widths),
             ("duration_slots", 0 < short <= long, "0 < shortest <= longest"),
+            ("duration_law", self.duration_law in DURATION_LAWS, " or ".join(DURATION_LAWS)),
             ("shift_slots", self.shift_slots >= 0, "0 or more"),
             ("centres", all(0 <= c <= last for c in self.centres), f"slots 0 to {last}"),
             ("centre_error_slots", self.centre_error_slots >= 0, "0 or more"),
@@ -150,13 +160,23 @@ class Bell:
         return np.asarray(-np.expm1(survival.sum(axis=-1)))
 
     def lengths(self, step_min: float) -> Ints:
-        """(lengths,) slots of `step_min` minutes that an outage may last, equally likely.
+        """(lengths,) slots of `step_min` minutes that an outage may last, equally likely, rising.
 
         As everywhere in a case, a slot that an outage touches at all is down.
         """
-        shortest, longest = self.duration_slots
-        slots = np.arange(shortest, longest + 1) * (REFERENCE_MIN / step_min)
+        slots = self._reference_lengths * (REFERENCE_MIN / step_min)
         return np.ceil(slots - SLOT_TOLERANCE).astype(np.intp)
+
+    @cached_property
+    def _reference_lengths(self) -> Floats:
+        """(lengths,) slots of 15 minutes, equally likely: all of them, or quantiles of the law."""
+        shortest, longest = self.duration_slots
+        if self.duration_law == "uniform":
+            return np.arange(shortest, longest + 1, dtype=float)
+        low, high = ndtr([-END_DEVIATIONS, END_DEVIATIONS])
+        share = low + (high - low) * (np.arange(LENGTHS) + 0.5) / LENGTHS
+        middle = 0.5 + ndtri(share) / (2.0 * END_DEVIATIONS)
+        return np.asarray(shortest * (longest / shortest) ** middle)
 
     def centre_slots(self) -> Ints:
         """Slots of 15 minutes in which the hazard may peak."""
@@ -176,6 +196,7 @@ class BellSettings(TypedDict, total=False):
     height: float | None
     sigma_slots: float | None
     duration_slots: tuple[int, int] | None
+    duration_law: str | None
     shift_slots: int | None
     shared_shift: bool | None
     common_draw: bool | None

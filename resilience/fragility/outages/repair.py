@@ -17,15 +17,17 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.schema import LAW_PARAMETERS
 from resilience.errors import UsageError
 from resilience.tolerances import SLOT_TOLERANCE
 
-LAWS: dict[str, tuple[tuple[str, ...], Callable[..., Floats]]] = {
-    "fixed": (("hours",), np.full_like),
-    "uniform": (("shortest", "longest"), lambda u, low, high: low + u * (high - low)),
-    "lognormal": (("median", "sigma"), lambda u, median, sigma: median * np.exp(sigma * ndtri(u))),
-    "exponential": (("mean",), lambda u, mean: -mean * np.log1p(-u)),
+LAWS: dict[str, Callable[..., Floats]] = {
+    "fixed": np.full_like,
+    "uniform": lambda u, low, high: low + u * (high - low),
+    "lognormal": lambda u, median, sigma: median * np.exp(sigma * ndtri(u)),
+    "exponential": lambda u, mean: -mean * np.log1p(-u),
 }
+"""Hours of uniform numbers u and the parameters of a law, `LAW_PARAMETERS`."""
 
 MAX_SIGMA = 3.0
 """Of a lognormal: one repair in six would take twenty times the median or more."""
@@ -60,7 +62,7 @@ class Repair:
                 f"repair: law {self.law!r}; allowed: {', '.join(LAWS)}",
                 hint="uniform from 3 to 3.75 h is the paper's",
             )
-        names, _ = LAWS[self.law]
+        names = LAW_PARAMETERS[self.law]
         rules = [
             (len(self.hours) == len(names), f"hours {self.hours}; allowed: {', '.join(names)}"),
             (all(0.0 <= h < np.inf for h in self.hours), f"hours {self.hours}; allowed: 0 or more"),
@@ -89,7 +91,8 @@ class Repair:
         crews = "any number of crews" if self.crews is None else f"{self.crews} crews"
         crews = "1 crew" if self.crews == 1 else crews
         hours = ", ".join(
-            f"{name} {value:g}" for name, value in zip(LAWS[self.law][0], self.hours, strict=True)
+            f"{name} {value:g}"
+            for name, value in zip(LAW_PARAMETERS[self.law], self.hours, strict=True)
         )
         first = ", ".join(sorted(self.priority, key=lambda name: -self.priority[name]))
         order = f", {first} first" if first else ""
@@ -98,7 +101,7 @@ class Repair:
 
     def work_slots(self, u: Floats, step_h: float) -> Ints:
         """(...) slots of work, 1 or more, of uniform random numbers (...)."""
-        hours = LAWS[self.law][1](u, *self.hours)
+        hours = LAWS[self.law](u, *self.hours)
         return np.maximum(np.ceil(hours / step_h - SLOT_TOLERANCE), 1.0).astype(np.intp)
 
     def order(self, lines: tuple[str, ...]) -> Ints:

@@ -38,6 +38,8 @@ from resilience.models.structures import Adjacent, Largest, Split, Structure
 from resilience.tolerances import CONFLICT_TOLERANCE
 
 EXPLAIN_S = 5.0  # for each way of explaining what is infeasible
+LONG_HORIZON_OPTIONS = {"simplex_dual_edge_weight_strategy": -1}
+"""Steepest edge, which HiGHS chooses itself: half the time of Devex on a long horizon."""
 MAX_LISTED = 12  # rows that `missed` names
 
 

@@ -129,7 +129,7 @@ class EpisodeSampler:
 
     Args:
         case: the case.
-        days: days of an episode; a case with a storm keeps its horizon.
+        days: days of an episode; a case with a storm or a blackout keeps its horizon.
         seed: of every draw.
         forecast_error: how load and PV differ from their forecast; None: not at all.
         known_centre: operators are told where the day's hazard is forecast to peak.
@@ -149,11 +149,9 @@ class EpisodeSampler:
         storms: int = STORMS,
     ) -> None:
         self.case, self.seed, self.error = training(case), seed, forecast_error
-        has_storm = case.storm is not None and bool(case.storm.points)
         per_day = self.case.window.slots_per_day
-        slots = self.case.slots if has_storm else days * per_day
-        self.has_storm = has_storm
-        validation_slots = 0 if has_storm else self._validation_days() * per_day
+        slots = self.case.slots if case.is_dated else days * per_day
+        validation_slots = 0 if case.is_dated else self._validation_days() * per_day
         self.starts = np.arange(0, self.case.slots - validation_slots - slots + 1, per_day)
         if not len(self.starts):
             raise UsageError(
@@ -180,7 +178,7 @@ class EpisodeSampler:
     def validation_world(self) -> World:
         """Days and storms on which policies are chosen: those of no batch, and of no test."""
         case, seed = self.case, _seed(0, 1)
-        if not self.has_storm:
+        if not self.case.is_dated:
             days = max(self._validation_days(), 1)
             slots = days * case.window.slots_per_day
             first = case.window.time(case.slots - slots)

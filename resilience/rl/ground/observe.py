@@ -56,7 +56,7 @@ class Observer(Eyes):
     def __init__(self, setting: Setting) -> None:
         super().__init__(setting)
         case = setting.case
-        self.daily = case.storm is None or not case.storm.points
+        self.daily = not case.is_dated
         self.memory = Memory(setting, daily=self.daily, overnight=case_bell(case).overnight)
         self.window, self.ahead = case.window, _slots_ahead(case.step_h)
         self._read_devices()

@@ -8,7 +8,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import resilience as rs
 from resilience.case import load_case
+from resilience.case.days import held_out, training
+from resilience.dispatch.sddp.days import past_days
 from resilience.errors import CaseError
 
 CASE = """\
@@ -97,10 +100,21 @@ def test_a_start_between_two_rows_is_refused(case_file):
     assert problem.allowed == "a row at 2016-07-12 06:05:00"
 
 
-def test_another_time_step_is_refused(case_file):
-    problem = problem_of(case_file, csv_text(), ("step_min = 15", "step_min = 60"))
+@pytest.mark.parametrize("step_min", ["10", "20", "5"])
+def test_another_time_step_is_refused(case_file, step_min):
+    problem = problem_of(case_file, csv_text(), ("step_min = 15", f"step_min = {step_min}"))
     assert problem.value == "a time step of 15 min"
-    assert problem.allowed == "step_min = 60"
+    assert problem.allowed == f"step_min = {step_min}, or a step that divides it"
+
+
+def test_a_longer_slot_has_the_mean_of_its_rows():
+    quarters = rs.load_case("ieee33")
+    hours = quarters.replace(step_min=60, slots=24)
+    for name, values in quarters.profiles.items():
+        assert hours.profile(name) == pytest.approx(values.reshape(24, 4).mean(axis=1), abs=1e-15)
+    assert training(hours).slots * 4 == training(quarters).slots
+    assert held_out(hours, 3).start == held_out(quarters, 3).start
+    assert len(past_days(hours).values) == len(past_days(quarters).values)
 
 
 def test_a_gap_in_the_rows_is_refused(case_file):

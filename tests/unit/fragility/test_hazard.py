@@ -160,7 +160,7 @@ def test_the_command_reads_a_track_file(tmp_path: Path, capsys: pytest.CaptureFi
         (["hazard", "ieee33_koinu", "--track", "nowhere.csv"], "does not exist"),
         (["scenarios", "ieee33_koinu", "--days", "2"], "a storm comes once"),
         (["solve", "ieee33", "--outages", "storm"], "buses without coordinates"),
-        (["compare", "ieee33_koinu", "--days", "2"], "its storm comes once"),
+        (["compare", "ieee33_koinu", "--days", "2"], "its outages come once"),
     ],
 )
 def test_what_cannot_be_is_refused(

@@ -1,0 +1,1 @@
+"""What nobody without foreknowledge stays below on average."""
