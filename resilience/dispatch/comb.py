@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 COMB = "comb"
 """The dispatcher's name."""
+UNASKED_NODES = 10_000
+"""Up to so many nodes, 140 slots, a comparison solves a comb without being asked: in ten seconds."""
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,13 @@ def check_comb(setting: Setting) -> None:
             hint="`stochastic` plans for any belief",
         )
     check_storage(setting.case)
+
+
+def is_small_comb(setting: Setting) -> bool:
+    """Whether a setting is one of a comb that is solved in seconds."""
+    if beyond_comb(setting) or not setting.case.ess:
+        return False
+    return CombTree.of_blackout(case_blackout(setting.case)).tree.n <= UNASKED_NODES
 
 
 def beyond_comb(setting: Setting) -> str:

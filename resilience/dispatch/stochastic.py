@@ -42,7 +42,7 @@ class Stochastic:
         setting: where it acts.
         belief: in outages to come, or the bell to believe in; that of the setting if omitted.
         paths: sampled futures; fewer than 30 miss rare joint outages.
-        steps: of every path.
+        steps: of every path; if omitted, half a day, and where there is fuel to keep two.
         risk: what counts besides the mean over the paths.
         seed: of the sampled futures; they have nothing to do with the storms it is judged on.
 
@@ -68,10 +68,10 @@ class Stochastic:
         check_storage(setting.case)
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
         self.setting, self.paths, self.risk, self.seed = setting, paths, risk, seed
-        self.steps = steps or WindowSteps()
         if isinstance(belief, Bell):
             belief = case_belief(setting.case, setting.lines, bell=belief, seed=seed)
         self.belief: Belief = belief or setting.belief(seed)
+        self.steps = steps or self._usual_steps()
         self.merged = merged_grid(setting.case)
         self.memory = Memory(setting, daily=self.belief.daily, overnight=self.belief.overnight)
         self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
@@ -100,6 +100,12 @@ class Stochastic:
             answer.note(k, self._program(len(probability)).decisions(request))
         return answer.action
 
+    def _usual_steps(self) -> WindowSteps:
+        case = self.setting.case
+        if not case.tank:
+            return WindowSteps()
+        return WindowSteps.with_fuel(self.belief.longest_slots, case.step_h)
+
     def _off(self, t: int, k: int) -> Mapping[str | None, Floats] | None:
         """How load and PV of scenario k may come to be off their forecast, path by path."""
         if self.setting.error_law is None:
@@ -114,7 +120,7 @@ class Stochastic:
         memory, steps = self.memory, self.steps
         history = memory.history(observation, k)
         down = self.belief.paths(history, steps.horizon - 1, self.paths)
-        blocks = np.logical_or.reduceat(down, steps.starts[1:] - 1, axis=1)
+        blocks = steps.down(down)
         if self.setting.error_law is not None:  # each path has a load of its own
             up = np.ones((len(observation.line_up), steps.n, self.paths), bool)
             up[:, 0] = observation.line_up[:, [k]]

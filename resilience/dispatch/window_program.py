@@ -1,7 +1,7 @@
 """The program behind rolling dispatch: a first slot common to all, then chains, solved anew in
 every slot.
 
-Eight slots are followed by ten blocks of an hour, unless said otherwise. What a slot changes, line
+Eight slots are followed by ten blocks of four, unless said otherwise. What a slot changes, line
 status, forecasts, prices, path probabilities, the worth of energy at the end, enters by bounds,
 right-hand sides and the cost vector, so a program is built once and keeps its basis.
 """
@@ -33,6 +33,10 @@ from resilience.simulation.observation import Action, Forecast, Observation, Rat
 RISK_NEUTRAL = Risk()
 """Nothing but the mean counts."""
 
+FAR_BLOCK_H = 4.0
+MAX_REACH_H = 48.0
+"""Paths know from their second slot on how long they last, so that longer ones keep too much."""
+
 POWER_UNITS = ("MW", "Mvar", "m³/h")
 """Units of data that shrink with the part of a step that lies within the horizon."""
 
@@ -45,26 +49,74 @@ class WindowSteps:
         slots: steps of a slot each, which come first.
         blocks: longer steps behind them.
         block_slots: slots of each of these.
+        far_blocks: still longer steps behind these.
+        far_slots: slots of each of those.
     """
 
     slots: int = 8
     blocks: int = 10
     block_slots: int = 4
+    far_blocks: int = 0
+    far_slots: int = 16
+
+    @classmethod
+    def with_fuel(cls, longest_slots: int, step_h: float) -> WindowSteps:
+        """Steps for who must keep fuel: they cover an outage of so many slots, or two days of it.
+
+        Storage is filled again when the sun shines, and half a day ahead is far enough for it; a
+        tank is not.
+
+        Args:
+            longest_slots: of outages.
+            step_h: length of a slot; a far block is 4 hours, or as long as the blocks before it.
+        """
+        usual = cls()
+        width = max(round(FAR_BLOCK_H / step_h), usual.block_slots)
+        slots = min(longest_slots, round(MAX_REACH_H / step_h))
+        return cls(far_blocks=-(-max(slots - usual.horizon, 0) // width), far_slots=width)
 
     @property
     def n(self) -> int:
         """Number of steps."""
-        return self.slots + self.blocks
+        return self.slots + self.blocks + self.far_blocks
 
     @property
     def horizon(self) -> int:
         """Number of slots that the steps cover."""
-        return self.slots + self.blocks * self.block_slots
+        return int(self.width.sum())
+
+    @property
+    def widths(self) -> list[int]:
+        """Slots of every kind of step that there is, the first kind first."""
+        kinds = [(1, 1), (self.block_slots, self.blocks), (self.far_slots, self.far_blocks)]
+        return [width for width, steps in kinds if steps]
 
     @cached_property
     def width(self) -> Ints:
         """(steps,) slots of every step."""
-        return np.repeat([1, self.block_slots], [self.slots, self.blocks])
+        widths = [1, self.block_slots, self.far_slots]
+        return np.repeat(widths, [self.slots, self.blocks, self.far_blocks])
+
+    def down(self, slot_by_slot: Bools) -> Bools:
+        """(lines, steps - 1, paths) where lines are down in the steps behind the first.
+
+        A short step is down where any of its slots is, as a slot is that an outage touches; a far
+        one where half of its slots are, or each outage there would last a step more.
+
+        Args:
+            slot_by_slot: (lines, slots, paths) likewise, from the second slot on.
+        """
+        first, later = self.starts[1:] - 1, self.width[1:, None]
+        if not self.far_blocks:
+            return np.logical_or.reduceat(slot_by_slot, first, axis=1)
+        slots_down = np.add.reduceat(slot_by_slot, first, axis=1, dtype=np.intp)
+        return np.asarray(slots_down >= np.where(self.kind[1:, None] == 2, later / 2.0, 1))
+
+    @cached_property
+    def kind(self) -> Ints:
+        """(steps,) which of `widths` a step has."""
+        steps = [count for count in (self.slots, self.blocks, self.far_blocks) if count]
+        return np.repeat(np.arange(len(steps)), steps)
 
     @cached_property
     def starts(self) -> Ints:
@@ -76,7 +128,7 @@ class WindowSteps:
         later = self.n - 1
         parent = np.concatenate([[-1], *(self._parents(p) for p in range(paths))])
         chance = np.append(1.0, np.full(paths * later, 1.0 / paths))
-        stage = np.append(0, np.tile((np.arange(1, self.n) >= self.slots).astype(int), paths))
+        stage = np.append(0, np.tile(self.kind[1:], paths))
         names = [f"path {p + 1} step {k}" for p in range(paths) for k in range(1, self.n)]
         return Tree(parent.astype(np.intp), chance, stage.astype(np.intp), ("now", *names))
 
@@ -210,12 +262,10 @@ class WindowProgram:
         loads = merged.microgrid.case.tables_of(LoadTable)
         self.final_price_per_mwh = max((load.shed_price_per_mwh for load in loads), default=0.0)
         dt = merged.microgrid.case.step_h
-        stages = [merged.microgrid.stage(h, may_spill=True) for h in (dt, dt * steps.block_slots)]
+        stages = [merged.microgrid.stage(dt * width, may_spill=True) for width in steps.widths]
         if reserve is not None:
             for stage in stages:
                 reserve.emit(stage)
-        if not steps.blocks:
-            stages = stages[:1]
         self.standard = standard = unroll(stages, steps.tree(paths))
         lowered = lower(standard, integer="none", modes={})
         averse = risk.averse and paths > 1

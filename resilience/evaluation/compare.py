@@ -15,7 +15,7 @@ import numpy as np
 from resilience.case import Case, load_case
 from resilience.case.days import held_out
 from resilience.case.schema.fields import MAX_PRICE_PER_MWH
-from resilience.dispatch.comb import COMB, beyond_comb, comb_optimum
+from resilience.dispatch.comb import COMB, comb_optimum, is_small_comb
 from resilience.dispatch.registry import DISPATCHERS, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError, check_range
 from resilience.evaluation.ac_check import TrajectoryACCheck, ac_check_trajectory
@@ -146,7 +146,7 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
         reset_daily=reset_daily,
         believed=believed,
     )
-    if scenarios is None and case.ess and not beyond_comb(world.setting):
+    if scenarios is None and is_small_comb(world.setting):
         makers.setdefault(COMB, DISPATCHERS[COMB])
     if dual_bound and (reason := beyond_dual_bound(world)):
         raise no_dual_bound(reason)

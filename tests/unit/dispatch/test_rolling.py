@@ -24,6 +24,9 @@ from resilience.models.program.risk import Risk
 from resilience.simulation.observation import Forecast, Observation, parts_of
 from resilience.simulation.world import World
 from resilience.testing import small_case
+from tests.unit.dispatch.blackouts import world as blackout_world
+
+WITHOUT_FUEL = {"tank": None, "fuel_m3_per_mwh": None}
 
 
 def exact(case: Case) -> Forecast:
@@ -171,6 +174,36 @@ def test_a_tree_of_slots_and_blocks() -> None:
     assert tree.n == 7
     assert tree.stage.tolist() == [0, 0, 1, 0, 1, 0, 1]
     assert tree.parent.tolist() == [-1, 0, 1, 0, 3, 0, 5]
+
+
+def test_far_blocks_stand_behind_the_others_and_are_down_by_halves() -> None:
+    """Steps of 1, 1, 2 and 4 slots. A block is down where it is touched, a far one half down."""
+    steps = WindowSteps(slots=2, blocks=1, block_slots=2, far_blocks=2, far_slots=4)
+    assert steps.width.tolist() == [1, 1, 2, 4, 4]
+    assert steps.widths == [1, 2, 4]
+    assert (steps.n, steps.horizon) == (5, 12)
+    assert steps.tree(2).stage.tolist() == [0, 0, 1, 2, 2, 0, 1, 2, 2]
+    paths = np.array([[0, 0, 1, 0, 0, 1, 1, 1, 0, 0, 0], [1, 1, 0, 1, 1, 1, 1, 0, 0, 0, 0]], bool)
+    assert steps.down(paths.T[None])[0].T.tolist() == [[0, 1, 1, 0], [1, 1, 1, 0]]
+
+
+@pytest.mark.parametrize(
+    ("longest", "step_h", "hours", "width"),
+    [(30, 0.25, 12, 16), (89 * 4, 0.25, 48, 16), (80, 0.25, 20, 16), (89, 1.0, 48, 4)],
+)
+def test_with_fuel_a_window_covers_the_outage_up_to_two_days(
+    longest: int, step_h: float, hours: float, width: int
+) -> None:
+    steps = WindowSteps.with_fuel(longest, step_h)
+    assert (steps.horizon * step_h, steps.far_slots) == (hours, width)
+
+
+def test_where_there_is_fuel_to_keep_the_fan_looks_two_days_ahead() -> None:
+    case = rs.load_case("ieee33-fuel").replace(step_min=15, slots=4 * 96)
+    assert Stochastic(blackout_world(case).setting).steps.horizon == 4 * 48
+    units = [unit.model_copy(update=WITHOUT_FUEL) for unit in case.generator]
+    without = case.replace(tank=[], generator=units)
+    assert Stochastic(blackout_world(without).setting).steps == WindowSteps()
 
 
 def test_devices_that_no_program_can_tell_apart_are_one() -> None:
