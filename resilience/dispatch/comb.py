@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 COMB = "comb"
 """The dispatcher's name."""
 UNASKED_NODES = 10_000
-"""Up to so many nodes, 140 slots, a comparison solves a comb without being asked: in ten seconds."""
+"""Up to so many nodes, 140 slots, a comparison solves a comb unasked: in ten seconds."""
 
 
 @dataclass(frozen=True)
