@@ -69,6 +69,7 @@ def solve(
     out: options.Folder = None,
     plot: options.Picture = None,
     export: options.Export = None,
+    schedule: options.Schedule = False,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -98,7 +99,7 @@ def solve(
             common_slots=common_slots,
             algorithm=algorithm,
         )
-    terminal.show(partial(_print, plan, as_json))
+    terminal.show(partial(_print, plan, as_json, schedule))
     terminal.write(
         terminal.Output("tables", out, plan.save),
         terminal.Output("picture", plot, partial(_draw, plan)),
@@ -113,7 +114,7 @@ def _draw(plan: Plan | ScenarioPlan, path: Path) -> None:
     draw_plan(plan, path)
 
 
-def _print(plan: Plan | ScenarioPlan, as_json: bool) -> None:
+def _print(plan: Plan | ScenarioPlan, as_json: bool, with_schedule: bool) -> None:
     if as_json:
         typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
         return
@@ -123,9 +124,9 @@ def _print(plan: Plan | ScenarioPlan, as_json: bool) -> None:
     from resilience.text.scenario_plan import print_scenario_plan
 
     if isinstance(plan, ScenarioPlan):
-        print_scenario_plan(plan, plain_console())
+        print_scenario_plan(plan, plain_console(), with_schedule=with_schedule)
     else:
-        print_plan(plan, plain_console())
+        print_plan(plan, plain_console(), with_schedule=with_schedule)
 
 
 @app.command()

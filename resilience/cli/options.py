@@ -150,6 +150,9 @@ CheckCausality = Annotated[
     bool,
     Option("--check-causality", help="First check that no method acts on what is yet to come."),
 ]
+Schedule = Annotated[
+    bool, Option("--schedule", help="Also print what every unit does, hour by hour.")
+]
 DualBound = Annotated[
     bool,
     Option(

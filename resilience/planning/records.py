@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from pydantic import TypeAdapter
 
-from resilience.errors import CertificateError
+from resilience.errors import CertificateError, UsageError
 from resilience.inputs import checked_path
 from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
+from resilience.planning.reading.instructions import Instruction, instructions
 from resilience.planning.tables import SlotTable
 from resilience.results import ResultKind, write_summary
 
 if TYPE_CHECKING:
     import pandas as pd
+    from _typeshed import DataclassInstance
 
     from resilience.case import Case
     from resilience.models.backends.base import Status
@@ -106,69 +108,6 @@ class Costs:
 
 
 @dataclass(frozen=True)
-class ScenarioStatistics:
-    """What happens over the scenarios; costs are operating cost less terminal credit.
-
-    Attributes:
-        expected_cost: mean by probability, $.
-        cvar_95_cost: mean of the worst 5 %, $.
-        worst_cost: of the dearest scenario, $.
-        expected_shed_mwh: energy not served, MWh.
-        shed_probability: of shedding anything at all.
-    """
-
-    expected_cost: float
-    cvar_95_cost: float
-    worst_cost: float
-    expected_shed_mwh: float
-    shed_probability: float
-
-
-@dataclass(frozen=True)
-class InformationValue:
-    """What it is worth to plan over scenarios, and what it would be worth to know them.
-
-    Attributes:
-        clairvoyant_cost: risk of the costs if every scenario were known beforehand, $.
-        mean_value_cost: risk of the costs with the plan for mean data, $; None where undefined.
-        value_of_stochastic_solution: what the plan for the mean costs more, $; None likewise.
-        value_of_perfect_information: what knowing the scenario beforehand would save, $.
-    """
-
-    clairvoyant_cost: float
-    mean_value_cost: float | None
-    value_of_stochastic_solution: float | None
-    value_of_perfect_information: float
-
-
-@dataclass(frozen=True)
-class Unreduced:
-    """What the common schedule of a plan over few scenarios costs over all that they stand for.
-
-    Every scenario follows the schedule until its own outage shows, and from then on knows its own
-    end, as in the plan; storage and grids may there be in two modes at once, which costs less if
-    anything. Standard errors are those of the scenarios as a sample.
-
-    Attributes:
-        scenarios: number of all.
-        objective: of the risk over their costs, $.
-        expected_cost: mean by probability, $.
-        cost_error: its standard error, $.
-        expected_shed_mwh: energy not served, MWh.
-        shed_error: its standard error, MWh.
-        shed_probability: of shedding anything at all.
-    """
-
-    scenarios: int
-    objective: float
-    expected_cost: float
-    cost_error: float
-    expected_shed_mwh: float
-    shed_error: float
-    shed_probability: float
-
-
-@dataclass(frozen=True)
 class Horizon:
     """When the slots of a plan are.
 
@@ -198,7 +137,7 @@ class Horizon:
         return pd.DataFrame(table.values.T, index=index, columns=list(table.labels))
 
 
-Record = TypeVar("Record", Certificate, ScenarioStatistics, InformationValue)
+Record = TypeVar("Record", bound="DataclassInstance")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,6 +206,47 @@ class CertifiedPlan:
         if self.case is None:
             return max((abs(cost) for cost in self.totals.terms.values()), default=0.0)
         return case_cost_scale(self.case)
+
+    def instructions(self) -> list[Instruction]:
+        """What operators are asked to do, in time.
+
+        Raises:
+            UsageError: the plan was kept without its case.
+        """
+        if self.case is None:
+            raise UsageError(
+                "the plan was kept without its case, which says what is asked of whom",
+                hint="load a folder that holds case.toml",
+            )
+        return instructions(self.case, self.tables)
+
+    def actions(self) -> pd.DataFrame:
+        """What operators are asked to do: a row per instruction, in time.
+
+        Columns are start and stop (times), do, unit, low_mw and high_mw (mean powers of its slots)
+        and stored_mwh (at the end, of storage).
+
+        Raises:
+            UsageError: the plan was kept without its case.
+        """
+        import pandas as pd
+
+        first = datetime.fromisoformat(self.horizon.start)
+        step = timedelta(minutes=self.horizon.step_min)
+        rows = [
+            (
+                first + one.first * step,
+                first + one.stop * step,
+                one.verb,
+                one.unit,
+                one.low_mw,
+                one.high_mw,
+                one.stored_mwh,
+            )
+            for one in self.instructions()
+        ]
+        columns = ["start", "stop", "do", "unit", "low_mw", "high_mw", "stored_mwh"]
+        return pd.DataFrame(rows, columns=columns)
 
     @property
     def status(self) -> Status:

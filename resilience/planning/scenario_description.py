@@ -16,12 +16,10 @@ from resilience.planning.records import (
     Certificate,
     Costs,
     Horizon,
-    InformationValue,
-    ScenarioStatistics,
-    Unreduced,
 )
 from resilience.planning.scenario_plan import BAND_QUANTILES, ScenarioPlan
 from resilience.planning.scenario_program import ScenarioProgram
+from resilience.planning.scenario_records import InformationValue, ScenarioStatistics, Unreduced
 from resilience.planning.tables import SlotTable
 from resilience.tolerances import SHED_TOLERANCE_MWH
 

@@ -34,14 +34,12 @@ from resilience.planning.records import (
     CertifiedPlan,
     Costs,
     Horizon,
-    InformationValue,
-    ScenarioStatistics,
-    Unreduced,
     check_kinds,
     read_record,
     read_tables,
     write_plan,
 )
+from resilience.planning.scenario_records import InformationValue, ScenarioStatistics, Unreduced
 from resilience.planning.tables import SlotTable, table_units
 from resilience.results import SCENARIO_PLAN, SUMMARY_FILE, replacing, steady
 

@@ -29,9 +29,9 @@ from resilience.models.program.gate import (
 )
 from resilience.models.program.referee import audit, settle
 from resilience.models.structures import Cone
-from resilience.planning.fuel import fuel_notes
 from resilience.planning.plan import Plan
-from resilience.planning.reasons import shed_reasons
+from resilience.planning.reading.fuel import fuel_notes
+from resilience.planning.reading.reasons import shed_reasons
 from resilience.planning.records import Certificate, Costs, Horizon
 from resilience.planning.scenario_options import ScenarioOptions
 from resilience.planning.tables import SlotTable, balance, tabulate, trip_notes

@@ -12,7 +12,7 @@ from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
-from resilience.planning.fuel import LEVEL
+from resilience.planning.reading.fuel import LEVEL
 
 _UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
@@ -37,11 +37,11 @@ _MORE_UNITS = {
 
 def table_units() -> dict[str, str]:
     """Every table that a plan may have, and what it holds."""
-    weather = {_available(fleet): "MW" for fleet in in_roles(fleet_classes(), "weather")}
+    weather = {available_table(fleet): "MW" for fleet in in_roles(fleet_classes(), "weather")}
     return _UNITS | weather | _MORE_UNITS
 
 
-def _available(fleet: DeviceFleet | type[DeviceFleet]) -> str:
+def available_table(fleet: DeviceFleet | type[DeviceFleet]) -> str:
     """Table of what the weather offers a fleet."""
     return f"{fleet.kind}_available"
 
@@ -69,7 +69,7 @@ def tabulate(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
     tables = _stored(program, z, in_roles(fleets, "storage"))
     tables |= _demand(program, z, in_roles(fleets, "load"))
     for fleet in in_roles(fleets, "weather"):
-        tables[_available(fleet)] = SlotTable(fleet.names, program.values(fleet.limit, z))
+        tables[available_table(fleet)] = SlotTable(fleet.names, program.values(fleet.limit, z))
     order = in_roles(fleets, "dispatchable", "weather", "storage", "exchange", "load")
     power = [(fleet, fleet.power(lambda name: program.values(name, z))) for fleet in order]
     tables["power"] = _stacked(program, power)
@@ -184,7 +184,7 @@ def balance(case: Case, tables: Mapping[str, SlotTable]) -> dict[str, float]:
     fed = {f.fed.key: flow(f.kind, 1.0) for f in sources if f.fed}
     intake = {f.intake.key: flow(f.kind, -1.0) for f in sinks if f.intake}
     curtailed = {
-        f.curtailed.key: total(_available(f)) - fed[f.fed.key]
+        f.curtailed.key: total(available_table(f)) - fed[f.fed.key]
         for f in every
         if f.curtailed and f.fed
     }

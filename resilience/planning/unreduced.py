@@ -13,12 +13,12 @@ from resilience.fragility.outages.weights import standard_error
 from resilience.models.components import in_roles
 from resilience.models.program.gate import gap
 from resilience.models.program.standard import Standard
-from resilience.planning.records import Unreduced
 from resilience.planning.scenario_program import (
     DistinctScenarios,
     ScenarioProgram,
     scenario_program,
 )
+from resilience.planning.scenario_records import Unreduced
 from resilience.planning.two_stage.lshaped import TwoStageSolution
 from resilience.planning.two_stage.master import Master
 from resilience.planning.two_stage.recourse import Recourse

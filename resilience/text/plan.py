@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
@@ -16,6 +14,8 @@ from resilience.case.outages import outage_texts
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
 from resilience.planning.records import CertifiedPlan
+from resilience.text.actions import action_list, schedule
+from resilience.text.grid import grid
 from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
@@ -24,13 +24,20 @@ if TYPE_CHECKING:
 MAX_LISTED = 12  # names in a list, before the others are only counted
 
 
-def print_plan(plan: Plan, console: Console) -> None:
-    """Prints the plan: verdict, what was assumed, costs, energy, shedding, certificate, time."""
+def print_plan(plan: Plan, console: Console, *, with_schedule: bool = False) -> None:
+    """Prints the plan: verdict, what was assumed, what to do, costs, energy, shedding, certificate.
+
+    Args:
+        plan: the plan.
+        console: where to.
+        with_schedule: also the powers of every unit, hour by hour.
+    """
     console.print(_verdict(plan))
     console.print(_assumed(plan))
     if plan.not_modelled:
         console.print(not_modelled(plan))
     for section in (
+        *_actions(plan, console.width, with_schedule),
         _money_and_energy(plan, console.width),
         _shed(plan),
         Padding(certificate(plan), (0, 0)),
@@ -75,17 +82,12 @@ def not_modelled(plan: CertifiedPlan) -> Text:
     return Text(f"not modelled: {'; '.join(plan.not_modelled)}", "yellow")
 
 
-def grid(title: str, rows: Iterable[tuple[str, ...]], *heads: str) -> Table:
-    """A table of text and numbers; it has no head where all heads are empty."""
-    table = Table(
-        title=title, box=box.SIMPLE_HEAD, title_justify="left", title_style="bold",
-        show_header=any(heads),
-    )  # fmt: skip
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k == 0)
-    for row in rows:
-        table.add_row(*row)
-    return table
+def _actions(plan: Plan, width: int, with_schedule: bool) -> list[RenderableType]:
+    """The list of instructions, and if asked for the schedule; nothing without the case."""
+    if plan.case is None:
+        return []
+    hourly = schedule(plan.case, plan.tables, width) if with_schedule else []
+    return [action_list(plan.case, plan.instructions(), "To do"), *hourly]
 
 
 def _money_and_energy(plan: Plan, width: int) -> RenderableType:
@@ -119,7 +121,7 @@ def _energy_words(plan: Plan) -> list[tuple[str, str]]:
 def _shed(plan: Plan) -> RenderableType:
     if not plan.shed_by_load:
         return Text("Nothing is shed.", "green")
-    from resilience.planning.reasons import REASONS
+    from resilience.planning.reading.reasons import REASONS
 
     rows = []
     for load, reasons in sorted(plan.shed_by_load.items(), key=lambda x: -sum(x[1].values())):

@@ -11,22 +11,51 @@ from rich.text import Text
 from resilience.arrays import Floats
 from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
-from resilience.planning.records import Unreduced
+from resilience.planning.reading.first_failures import first_failures
 from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.text.plan import certificate, grid, not_modelled, percent
+from resilience.planning.scenario_records import Unreduced
+from resilience.text.actions import action_list, failure_table, schedule, when
+from resilience.text.grid import grid
+from resilience.text.plan import certificate, not_modelled, percent
 
 MAX_SCHEDULE_ROWS = 12  # more would not be read
 
 
-def print_scenario_plan(plan: ScenarioPlan, console: Console) -> None:
-    """Prints the plan: costs and bound, the common schedule, scenarios, certificate, time."""
+def print_scenario_plan(
+    plan: ScenarioPlan, console: Console, *, with_schedule: bool = False
+) -> None:
+    """Prints the plan: costs and bound, what to do, the common schedule, scenarios, certificate.
+
+    Args:
+        plan: the plan.
+        console: where to.
+        with_schedule: also the powers of every unit, hour by hour.
+    """
     console.print(_verdict(plan))
     if plan.not_modelled:
         console.print(not_modelled(plan))
     proof = certificate(plan, " in every scenario", f"{plan.algorithm}; ")
-    for section in (_schedule(plan), _over_scenarios(plan), proof):
+    for section in (
+        *_actions(plan, console.width, with_schedule),
+        _schedule(plan),
+        _over_scenarios(plan),
+        proof,
+    ):
         console.print()
         console.print(section)
+
+
+def _actions(plan: ScenarioPlan, width: int, with_schedule: bool) -> list[RenderableType]:
+    """What to do until an outage shows, and when one does; nothing without the case."""
+    if plan.case is None:
+        return []
+    sections: list[RenderableType] = [
+        action_list(plan.case, plan.instructions(), "To do until an outage shows")
+    ]
+    if failures := first_failures(plan):
+        sections.append(failure_table(plan.case, failures))
+    hourly = schedule(plan.case, plan.tables, width) if with_schedule else []
+    return [*sections, *hourly]
 
 
 def _verdict(plan: ScenarioPlan) -> Text:
@@ -78,16 +107,16 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
     staying = plan.tables["staying"].values[0][starts]
     rows = [
         (
-            case.slot_label(int(t)),
+            when(case, int(t), int(ends[k]) + 1),
             *(f"{column[k]:+.3f}" for column in columns),
             f"{stored[k]:.3f}",
             f"{100 * staying[k]:.1f}",
         )
         for k, t in enumerate(starts)
     ]
-    heads = ["from", *(f"{fleet.title} MW" for fleet in shown), "stored MWh", "% here"]
+    heads = ["from-to", *(f"{f.title} MW" for f in shown), "stored at end MWh", "% here"]
     hours = n * plan.step_min / 60.0
-    title = f"Common schedule, {hours:g} h: what to do until an outage shows"
+    title = f"Common schedule, {hours:g} h: means, fed in is positive"
     return grid(title, rows, *heads)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, in_roles
-from resilience.planning.fuel import without_fuel
+from resilience.planning.reading.fuel import without_fuel
 from resilience.tolerances import AT_LIMIT_TOLERANCE
 
 POLYGON_SHARE = 0.96  # of its rating at which an inverter stands at it, however coarse its polygon

@@ -1,0 +1,1 @@
+"""What a plan says: what to do, why load is shed, where fuel went."""

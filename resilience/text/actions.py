@@ -1,0 +1,180 @@
+"""What to do, as text for a terminal: a list of instructions, and a schedule by the hour."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from resilience.arrays import Floats, Ints
+from resilience.models.components import DeviceFleet, device_fleets, in_roles
+from resilience.text.grid import grid
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from resilience.case import Case
+    from resilience.planning.reading.first_failures import FirstFailure
+    from resilience.planning.reading.instructions import Instruction
+    from resilience.planning.tables import SlotTable
+
+MAX_LINES = 40
+"""Of a list of instructions; what follows is only counted."""
+MAX_FAILURES = 4
+SCHEDULE_MIN = 60.0
+"""Minutes of a row of the schedule."""
+PADDING, EDGES = 3, 5
+"""Letters that a table takes beside those of its columns, for each of them and in all."""
+Column = tuple[str, list[str]]
+"""Head and cells."""
+
+
+def action_list(case: Case, asked: Sequence[Instruction], head: str) -> RenderableType:
+    """Instructions in time, those of one time and verb on one line."""
+    title = Text.assemble((head, "bold"), (": mean MW, and MWh stored at the end", "dim"))
+    lines: dict[tuple[int, int, str], list[str]] = {}
+    for one in asked:
+        lines.setdefault((one.first, one.stop, one.verb), []).append(_what(one))
+    rows = Table.grid(padding=(0, 0, 0, 2))
+    for (first, stop, verb), units in list(lines.items())[:MAX_LINES]:
+        rows.add_row(when(case, first, stop), f"{verb} {', '.join(units)}")
+    if not lines:
+        rows.add_row("nothing: no unit is asked to do anything")
+    if len(lines) > MAX_LINES:
+        rows.add_row("...", f"and {len(lines) - MAX_LINES} more; plan.actions() has all of them")
+    return Group(title, rows)
+
+
+def when(case: Case, first: int, stop: int) -> str:
+    """`14:00-17:30`, or `14:00` of what happens at once."""
+    window = case.window
+    if stop <= first:
+        return window.label(first)
+    end = window.text(window.time(stop))
+    is_midnight = end.endswith("00:00") and not window.longer_than_a_day
+    return f"{window.label(first)}-{'24:00' if is_midnight else end}"
+
+
+def _what(one: Instruction) -> str:
+    if math.isnan(one.high_mw):
+        return one.unit
+    link = "by" if one.verb in ("curtail", "shed") else "at"
+    stored = "" if math.isnan(one.stored_mwh) else f" to {one.stored_mwh:.3g} MWh"
+    return f"{one.unit} {link} {mw_range(one.low_mw, one.high_mw)} MW{stored}"
+
+
+def mw_range(low: float, high: float) -> str:
+    """`0.16-0.19`, to a hundredth of the greater; one number where both are written alike."""
+    texts = [_number(value, high) for value in (low, high)]
+    return texts[0] if texts[0] == texts[1] else "-".join(texts)
+
+
+def _number(value: float, largest: float) -> str:
+    """A number with as many decimals as the largest beside it needs for three digits."""
+    decimals = max(2 - math.floor(math.log10(largest)), 0) if largest > 0.0 else 0
+    text = f"{value:.{decimals}f}"
+    return text.rstrip("0").rstrip(".") if decimals else text
+
+
+def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
+    """What storage and generators do when certain lines fail first, the likeliest first."""
+    shown = failures[:MAX_FAILURES]
+    units = dict.fromkeys(answer.unit for failure in shown for answer in failure.answers)
+    rows = []
+    for unit in units:
+        means = [_mean(failure, unit) for failure in shown]
+        rows.append((unit, *(f"{mean:+.3f}" if abs(mean) >= 5e-4 else "." for mean in means)))
+    more = len(failures) - len(shown)
+    title = "If an outage shows: mean MW of the first two hours, fed in is positive"
+    title += f" ({more} less likely sets of lines left out)" if more > 0 else ""
+    return grid(title, rows, "first down", *(_head(case, failure) for failure in shown))
+
+
+def _mean(failure: FirstFailure, unit: str) -> float:
+    return sum(answer.mean_mw for answer in failure.answers if answer.unit == unit)
+
+
+def _head(case: Case, failure: FirstFailure) -> str:
+    """Which lines, how likely, and when."""
+    first, last = case.slot_label(failure.earliest), case.slot_label(failure.latest)
+    times = first if first == last else f"{first}-{last}"
+    return f"{'+'.join(failure.lines)}\n{100 * failure.probability:.1f} %\n{times}"
+
+
+def schedule(case: Case, tables: Mapping[str, SlotTable], width: int) -> list[Table]:
+    """Hourly tables, as many columns in each as fit: powers are means, energy is at the end."""
+    slots = tables["power"].values.shape[1]
+    per_row = max(round(SCHEDULE_MIN / case.step_min), 1)
+    starts = np.arange(0, slots, per_row)
+    stops = np.minimum(starts + per_row, slots)
+    times = [when(case, int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
+    room = width - max(map(len, times)) - EDGES
+    pages: list[list[Column]] = [[]]
+    used = 0
+    for head, cells in _columns(case, tables, starts, stops):
+        needed = max(map(len, [*head.split("\n"), *cells])) + PADDING
+        if used + needed > room and pages[-1]:
+            pages.append([])
+            used = 0
+        pages[-1].append((head, cells))
+        used += needed
+    return [_page(k, times, page) for k, page in enumerate(pages)]
+
+
+def _page(number: int, times: list[str], columns: list[Column]) -> Table:
+    rows = [(time, *(cells[k] for _, cells in columns)) for k, time in enumerate(times)]
+    title = "Schedule: MW are means, fed in is positive; MWh at the end" if number == 0 else ""
+    table = grid(title, rows, "from-to", *(head for head, _ in columns))
+    for column in table.columns:
+        column.no_wrap = True
+    return table
+
+
+def _columns(
+    case: Case, tables: Mapping[str, SlotTable], starts: Ints, stops: Ints
+) -> list[Column]:
+    """Columns of all units, hour by hour."""
+    fleets = list(device_fleets(case).values())
+
+    def means(values: Floats) -> list[str]:
+        hourly = np.add.reduceat(values, starts) / (stops - starts)
+        largest = float(np.abs(hourly).max(initial=0.0))
+        decimals = max(2 - math.floor(math.log10(largest)), 0) if largest > 0.0 else 0
+        small = 0.5 * 10.0**-decimals
+        return [f"{v:+.{decimals}f}" if abs(v) > small else "." for v in hourly]
+
+    columns: list[Column] = []
+    for fleet in in_roles(fleets, "storage"):
+        for name in fleet.names:
+            columns.append((f"{name}\nMW", means(tables["power"][name])))
+            stored = tables["energy"][name][stops - 1]
+            columns.append((f"{name}\nMWh", [f"{value:.3g}" for value in stored]))
+    for fleet in in_roles(fleets, "dispatchable"):
+        columns += [(f"{name}\nMW", means(tables["power"][name])) for name in fleet.names]
+    for fleet in in_roles(fleets, "weather", "exchange", "load"):
+        if fleet.names:
+            columns.append((f"{fleet.title}\nMW", means(_total(tables["power"], fleet))))
+    if "shed" in tables:
+        columns.append(("shed\nMW", means(tables["shed"].values.sum(axis=0))))
+    return columns + _positions(case, tables, stops)
+
+
+def _positions(case: Case, tables: Mapping[str, SlotTable], stops: Ints) -> list[Column]:
+    """Whether switchable lines are closed at the end of each row."""
+    closed, columns = tables.get("line_closed"), []
+    if closed is not None:
+        for k in np.flatnonzero(case.network.switchable).tolist():
+            name = case.network.line_names[k]
+            words = ["closed" if v > 0.5 else "open" for v in closed[name][stops - 1]]
+            columns.append((f"{name}\nat end", words))
+    return columns
+
+
+def _total(power: SlotTable, fleet: DeviceFleet) -> Floats:
+    rows = [power.labels.index(name) for name in fleet.names]
+    return np.asarray(power.values[rows].sum(axis=0))
