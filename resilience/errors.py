@@ -93,7 +93,7 @@ class Mistake:
     hint: str
 
     def __str__(self) -> str:
-        where = " ".join(text for text in (self.table, self.key) if text)
+        where = " ".join(shortened(text, MAX_SHOWN) for text in (self.table, self.key) if text)
         return (
             f"{self.file}: {where}\n"
             f"  found:   {shortened(self.value, MAX_SHOWN)}\n"

@@ -228,7 +228,8 @@ def _read_network(parts: Parts) -> None:
     table, sound = read_table(NetworkTable, head, document, "[network]", where)
     if not sound:
         # Names of buses and lines can be checked all the same: go on with the keys that are right.
-        right = {key: value for key, value in head.items() if getattr(table, key, None) is not None}
+        keys = NetworkTable.model_fields
+        right = {k: v for k, v in head.items() if k in keys and getattr(table, k) is not None}
         table = NetworkTable.model_validate(right)
     inline = {
         "bus": tuple(parts.inline.buses.values()),

@@ -22,6 +22,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints, Times
 from resilience.case.document import Finding
+from resilience.case.schema.fields import MAX_PRICE_PER_MWH
 from resilience.case.window import Window
 from resilience.errors import UsageError, shortened
 from resilience.files import reading
@@ -285,14 +286,21 @@ def read_profiles(
     for name, array in arrays.items():
         array.setflags(write=False)
         is_power, source = not uses.get(name, True), "" if name in inline else file_name
-        findings += [(source, f) for f in _wrong_values(name, array, window, is_power=is_power)]
+        wrong = _wrong_values(
+            name, array, window, is_power=is_power, is_price=uses.get(name, False)
+        )
+        findings += [(source, finding) for finding in wrong]
     return arrays, names, findings
 
 
 def _wrong_values(
-    name: str, values: Floats, window: Window, *, is_power: bool
+    name: str, values: Floats, window: Window, *, is_power: bool, is_price: bool = False
 ) -> Iterator[Finding]:
     checks = [(~np.isfinite(values), "NaN or infinite", "finite numbers", "fill the gaps")]
+    if is_price:
+        limit, hint = MAX_PRICE_PER_MWH, "a profile of prices multiplies those of the grid"
+        beyond = np.isfinite(values) & (np.abs(values) > limit)
+        checks.append((beyond, f"beyond {limit:,.0f}", f"-{limit:,.0f} to {limit:,.0f}", hint))
     if is_power:
         hint = "consumption and production are both positive here"
         checks.append((values < 0, "negative", "0 or more", hint))

@@ -429,3 +429,42 @@ def test_ten_mistakes_are_ten_problems(case_file):
         (GENERATOR, "p_min_mw"),
         ("[[line]] 4-2", "name"),
     }
+
+
+TABLES = ["[network]", "[time]", "[outage]", "[[load]]", "[profiles]"]
+
+
+def with_key(case_file, table, key):
+    """The valid case with one key more in a table, its first one; at the head if it is empty."""
+    entry = f'"{key}" = "1"\n'
+    path = case_file()
+    text = path.read_text(encoding="utf-8")
+    if not table:
+        text = entry + text
+    elif f"{table}\n" in text:
+        text = text.replace(f"{table}\n", f"{table}\n{entry}", 1)
+    else:
+        text += f"\n{table}\n{entry}"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(CaseError) as caught:
+        load_case(path)
+    return caught.value
+
+
+@pytest.mark.parametrize("table", ["", *TABLES])
+def test_an_unknown_key_without_end_is_shortened(case_file, table):
+    assert len(str(with_key(case_file, table, "x" * 300_000))) < 6_000
+
+
+@pytest.mark.parametrize("key", ["__class__", "model_fields", "__dict__", "copy"])
+@pytest.mark.parametrize("table", TABLES)
+def test_names_of_python_are_unknown_keys(case_file, table, key):
+    error = with_key(case_file, table, key)
+    assert any(key == mistake.key for mistake in error.mistakes)
+
+
+@pytest.mark.parametrize("price", ["1e308", "-1e7"])
+def test_a_profile_of_prices_has_the_size_of_prices(case_file, price):
+    path = case_file(("price = [1, 1, 2, -1]", f"price = [1, 1, {price}, -1]"))
+    with pytest.raises(CaseError, match="1 of 4 values beyond 1,000,000"):
+        load_case(path)
