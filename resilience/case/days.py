@@ -24,8 +24,8 @@ def held_out(case: Case, days: int | None = None) -> Case:
     A case with a storm or a blackout keeps its own horizon, without the outages to plan for.
 
     Raises:
-        UsageError: more days than the last quarter of the profiles has; a case without a profile
-            file keeps its own horizon and must have as many days; days of a case with a storm.
+        UsageError: more days than the last quarter of the profiles has; other days than those of a
+            case without a profile file, which keeps its own horizon; days of a case with a storm.
     """
     if case.is_dated:
         if days is not None:
@@ -34,8 +34,10 @@ def held_out(case: Case, days: int | None = None) -> Case:
                 hint="leave out --days: its outages come once, on the days that the case says",
             )
         return case.replace(outages=())
-    days = USUAL_DAYS if days is None else days
     per_day, times = case.window.slots_per_day, profile_times(case)
+    if times is None and days is None:
+        return case.replace(outages=())
+    days = USUAL_DAYS if days is None else days
     if times is None:
         if case.slots != days * per_day:
             raise UsageError(

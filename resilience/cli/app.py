@@ -48,6 +48,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Dispatch of a microgrid in a storm: plans with a proven bound, from one case file.",
 )
 app.add_typer(case_app, name="case")

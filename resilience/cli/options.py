@@ -70,7 +70,9 @@ Folder = Annotated[
 Picture = Annotated[Path | None, Option(help="Picture of the plan: a .png, .pdf or .svg file.")]
 Export = Annotated[Path | None, Option(help="Also write the model: a .lp, .mps or .nl file.")]
 
-Methods = Annotated[str, Option(help=f"Dispatchers, with commas: {', '.join(DISPATCHERS)}.")]
+Methods = Annotated[
+    str, Option(help=f"Dispatchers, with commas: {', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN.")
+]
 Days = Annotated[
     int | None,
     Option(

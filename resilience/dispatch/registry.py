@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -147,21 +148,59 @@ class LearnedEntry:
         return cast("Dispatcher", load(setting, self.method, Path(self.run)))
 
 
+@dataclass(frozen=True)
+class RuleEntry:
+    """The rule at a level of its own, called `rule-LEVEL`.
+
+    Attributes:
+        level: state of charge that it holds while the grid is there, 0 to 1.
+    """
+
+    level: float
+    batched: ClassVar[bool] = True
+
+    def __call__(self, setting: Setting) -> Dispatcher:
+        """A fresh dispatcher."""
+        return _rule(setting, self.level)
+
+
+def rule_of(name: str) -> RuleEntry | None:
+    """The rule that `rule-0.7` means; None where a name is none of a rule.
+
+    Raises:
+        UsageError: a level above 1.
+    """
+    match = re.fullmatch(r"rule-(\d+(?:\.\d+)?)", name, re.ASCII)
+    if match is None:
+        return None
+    level = float(match[1])
+    if level > 1.0:
+        raise UsageError(
+            f"dispatcher {name!r} holds a level of {level:g}; allowed: 0 to 1",
+            hint=f"probably percent: rule-{level / 100:g}"
+            if level <= 100.0
+            else "rule-0.9 is full",
+        )
+    return RuleEntry(level)
+
+
 def factory_of(name: str) -> Factory:
     """What makes the dispatcher of a name.
 
     Args:
-        name: a key of `DISPATCHERS`, or `METHOD:RUN` for a trained policy.
+        name: a key of `DISPATCHERS`, `rule-LEVEL`, or `METHOD:RUN` for a trained policy.
 
     Raises:
         UsageError: neither, or a run without a policy.
     """
     if name in DISPATCHERS:
         return DISPATCHERS[name]
+    if rule := rule_of(name):
+        return rule
     method, colon, run = name.partition(":")
     if not colon:
         raise UsageError(
-            f"dispatcher {name!r} is unknown; allowed: {', '.join(DISPATCHERS)}, or "
+            f"dispatcher {name!r} is unknown; allowed: {', '.join(DISPATCHERS)}, rule-LEVEL, or "
             "METHOD:RUN of a trained policy",
             hint="`clairvoyant` is the bound and always there",
         )

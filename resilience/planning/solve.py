@@ -121,12 +121,12 @@ def _is_over_scenarios(method: str, options: ScenarioOptions) -> bool:
     Raises:
         UsageError: unknown method, or options that it does not take.
     """
-    from resilience.dispatch.registry import DISPATCHERS
+    from resilience.dispatch.registry import DISPATCHERS, rule_of
 
     names = dict.fromkeys([*METHODS, "stochastic", *DISPATCHERS])
-    if method not in names:
+    if method not in names and rule_of(method) is None:
         raise UsageError(
-            f"method {method!r} is unknown; allowed: {', '.join(names)}",
+            f"method {method!r} is unknown; allowed: {', '.join(names)}, rule-LEVEL",
             hint="minlp is the default; lp is the fastest; stochastic does not know the outages",
         )
     arguments = {"physics", "outages", "seed", "time_limit", "relative_gap"}

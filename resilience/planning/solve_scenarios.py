@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from resilience.case import Case, load_case
-from resilience.dispatch.registry import DISPATCHERS
+from resilience.dispatch.registry import factory_of
 from resilience.errors import UsageError
 from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_case, sample_of
 from resilience.fragility.outages.files import load_scenarios
@@ -216,7 +216,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
         world = World.build(microgrid, scenarios)
         program = scenario_program(microgrid, distinct)
     with phase("dispatch", method):
-        trajectory = simulate(world, DISPATCHERS[method](world.setting))
+        trajectory = simulate(world, factory_of(method)(world.setting))
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)

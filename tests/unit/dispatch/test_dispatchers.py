@@ -16,6 +16,7 @@ from resilience.dispatch.mpc import BlindMPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
 from resilience.dispatch.stochastic import Stochastic
+from resilience.errors import UsageError
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.compare import compare
 from resilience.fragility.draw import sample_bell
@@ -28,9 +29,11 @@ from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 from resilience.testing import small_case
+from tests.unit.dispatch import blackouts
 
 VALUE = 0.35
-QUICK = sorted(set(DISPATCHERS) - {"sddp"})  # which trains first: its own tests say the same
+QUICK = sorted(set(DISPATCHERS) - {"sddp", "comb"})
+"""Without those whose own tests say the same: one trains first, one is for blackouts alone."""
 
 
 SPLIT = 52
@@ -238,3 +241,20 @@ def test_test_days_are_the_last_quarter() -> None:
         held_out(case, 17)
     with pytest.raises(rs.UsageError, match="unknown"):
         compare(case, ["crystal-ball"])
+
+
+def test_a_rule_of_any_level_goes_by_its_name() -> None:
+    """`rule-0.9` by its name and by its level are the same, and levels beyond 1 are refused."""
+    report = rs.compare("ieee33-tou", ["rule-0.7", "rule-0.90"], days=1, draws=2)
+    assert report.objective["rule-0.90"] == pytest.approx(report.objective["rule-0.9"])
+    assert report.trajectories["rule-0.7"].energy[:, -1].sum() < report.trajectories[
+        "rule-0.9"
+    ].energy[:, -1].sum()  # fmt: skip
+    for name, words in (("rule-90", "probably percent: rule-0.9"), ("rule-x", "rule-LEVEL")):
+        with pytest.raises(UsageError, match=words):
+            rs.compare("ieee33-tou", [name], days=1, draws=2)
+
+
+def test_a_case_whose_profiles_stand_in_it_is_compared_over_its_horizon() -> None:
+    case = blackouts.dark().replace(blackout=None)
+    assert rs.compare(case, ["rule"], draws=2).case.slots == case.slots
