@@ -12,8 +12,8 @@ from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
-from resilience.planning.reading.fuel import LEVEL
 
+LEVEL = "tank.level"
 _UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
     "reactive": "Mvar fed in",

@@ -9,9 +9,8 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.models.case_program import CaseProgram
 from resilience.models.components import DeviceFleet
+from resilience.planning.tables import LEVEL
 from resilience.tolerances import AT_LIMIT_TOLERANCE
-
-LEVEL = "tank.level"
 
 
 @dataclass(frozen=True)
