@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from resilience.planning.scenario_plan import ScenarioPlan
 
 WINDOW_H = 2.0
-"""How long behind the failure answers are summed up."""
+"""How long behind the failure responses are summed up."""
 ENDS = (0.05, 0.95)
 """Quantiles over scenarios between which times and powers are said to lie."""
 
 
 @dataclass(frozen=True)
-class Answer:
+class UnitResponse:
     """What a unit does in the first hours behind a failure, over the scenarios that have it.
 
     Attributes:
@@ -45,14 +45,14 @@ class FirstFailure:
         lines: that are down in the first slot of the outage.
         probability: of it.
         earliest, latest: slots between which 90 % of them begin.
-        answers: of storage and generators that do anything.
+        responses: of storage and generators that do anything.
     """
 
     lines: tuple[str, ...]
     probability: float
     earliest: int
     latest: int
-    answers: tuple[Answer, ...]
+    responses: tuple[UnitResponse, ...]
 
 
 def first_failures(plan: ScenarioPlan) -> list[FirstFailure]:
@@ -82,16 +82,16 @@ def _failure(
     share = weight / total if total > 0.0 else np.full(len(members), 1.0 / len(members))
     slots = max(round(WINDOW_H / case.step_h), 1)
     labels, power = plan.recourse
-    answers = []
+    responses = []
     for fleet in in_roles(device_fleets(case).values(), "storage", "dispatchable"):
         for name, size in zip(fleet.names, fleet.size_mw(), strict=True):
             row = power[labels.index(name)]
             mw = np.array([row[s : s + slots, k].mean() for s, k in _begins(leaves, members)])
             if np.abs(mw).max(initial=0.0) > NOTABLE_SHARE * size:
                 low, high = _quantiles(mw, share)
-                answers.append(Answer(name, float(share @ mw), low, high))
+                responses.append(UnitResponse(name, float(share @ mw), low, high))
     earliest, latest = _quantiles(leaves[members].astype(float), share)
-    return FirstFailure(lines, total, int(earliest), int(latest), tuple(answers))
+    return FirstFailure(lines, total, int(earliest), int(latest), tuple(responses))
 
 
 def _begins(leaves: Ints, members: Ints) -> list[tuple[int, int]]:

@@ -84,7 +84,7 @@ def _number(value: float, largest: float) -> str:
 def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
     """What storage and generators do when certain lines fail first, the likeliest first."""
     shown = failures[:MAX_FAILURES]
-    units = dict.fromkeys(answer.unit for failure in shown for answer in failure.answers)
+    units = dict.fromkeys(response.unit for failure in shown for response in failure.responses)
     rows = []
     for unit in units:
         means = [_mean(failure, unit) for failure in shown]
@@ -96,7 +96,7 @@ def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
 
 
 def _mean(failure: FirstFailure, unit: str) -> float:
-    return sum(answer.mean_mw for answer in failure.answers if answer.unit == unit)
+    return sum(response.mean_mw for response in failure.responses if response.unit == unit)
 
 
 def _head(case: Case, failure: FirstFailure) -> str:
@@ -115,14 +115,14 @@ def schedule(case: Case, tables: Mapping[str, SlotTable], width: int) -> list[Ta
     times = [when(case, int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
     room = width - max(map(len, times)) - EDGES
     pages: list[list[Column]] = [[]]
-    used = 0
+    filled = 0
     for head, cells in _columns(case, tables, starts, stops):
         needed = max(map(len, [*head.split("\n"), *cells])) + PADDING
-        if used + needed > room and pages[-1]:
+        if filled + needed > room and pages[-1]:
             pages.append([])
-            used = 0
+            filled = 0
         pages[-1].append((head, cells))
-        used += needed
+        filled += needed
     return [_page(k, times, page) for k, page in enumerate(pages)]
 
 

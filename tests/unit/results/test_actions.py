@@ -212,11 +212,11 @@ def test_answers_to_a_first_failure_are_those_of_its_scenarios(stormy: ScenarioP
                 np.flatnonzero(stormy.outages.down[:, leaves[k], k])} == set(failure.lines)
         ]  # fmt: skip
         assert failure.earliest == leaves[members].min()
-        for answer in failure.answers:
-            row = power[labels.index(answer.unit)]
+        for response in failure.responses:
+            row = power[labels.index(response.unit)]
             means = [row[leaves[k] : leaves[k] + 8, k].mean() for k in members]
-            assert answer.mean_mw == pytest.approx(np.mean(means))
-            assert (answer.low_mw, answer.high_mw) == pytest.approx((min(means), max(means)))
+            assert response.mean_mw == pytest.approx(np.mean(means))
+            assert (response.low_mw, response.high_mw) == pytest.approx((min(means), max(means)))
 
 
 def test_both_plans_print_what_to_do(stormy: ScenarioPlan) -> None:
