@@ -235,15 +235,15 @@ class CertifiedPlan:
         step = timedelta(minutes=self.horizon.step_min)
         rows = [
             (
-                first + one.first * step,
-                first + one.stop * step,
-                one.verb,
-                one.unit,
-                one.low_mw,
-                one.high_mw,
-                one.stored_mwh,
+                first + item.first * step,
+                first + item.stop * step,
+                item.verb,
+                item.unit,
+                item.low_mw,
+                item.high_mw,
+                item.stored_mwh,
             )
-            for one in self.instructions()
+            for item in self.instructions()
         ]
         columns = ["start", "stop", "do", "unit", "low_mw", "high_mw", "stored_mwh"]
         return pd.DataFrame(rows, columns=columns)

@@ -34,12 +34,12 @@ Column = tuple[str, list[str]]
 """Head and cells."""
 
 
-def action_list(case: Case, asked: Sequence[Instruction], head: str) -> RenderableType:
+def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> RenderableType:
     """Instructions in time, those of one time and verb on one line."""
     title = Text.assemble((head, "bold"), (": mean MW, and MWh stored at the end", "dim"))
     lines: dict[tuple[int, int, str], list[str]] = {}
-    for one in asked:
-        lines.setdefault((one.first, one.stop, one.verb), []).append(_what(one))
+    for item in to_do:
+        lines.setdefault((item.first, item.stop, item.verb), []).append(_what(item))
     rows = Table.grid(padding=(0, 0, 0, 2))
     for (first, stop, verb), units in list(lines.items())[:MAX_LINES]:
         rows.add_row(when(case, first, stop), f"{verb} {', '.join(units)}")
@@ -60,12 +60,12 @@ def when(case: Case, first: int, stop: int) -> str:
     return f"{window.label(first)}-{'24:00' if is_midnight else end}"
 
 
-def _what(one: Instruction) -> str:
-    if math.isnan(one.high_mw):
-        return one.unit
-    link = "by" if one.verb in ("curtail", "shed") else "at"
-    stored = "" if math.isnan(one.stored_mwh) else f" to {one.stored_mwh:.3g} MWh"
-    return f"{one.unit} {link} {mw_range(one.low_mw, one.high_mw)} MW{stored}"
+def _what(item: Instruction) -> str:
+    if math.isnan(item.high_mw):
+        return item.unit
+    link = "by" if item.verb in ("curtail", "shed") else "at"
+    stored = "" if math.isnan(item.stored_mwh) else f" to {item.stored_mwh:.3g} MWh"
+    return f"{item.unit} {link} {mw_range(item.low_mw, item.high_mw)} MW{stored}"
 
 
 def mw_range(low: float, high: float) -> str:

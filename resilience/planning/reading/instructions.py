@@ -57,16 +57,16 @@ def instructions(case: Case, tables: Mapping[str, SlotTable]) -> list[Instructio
         case: the case as solved.
         tables: of all slots, or of the first ones.
     """
-    asked = [
-        one
+    to_do = [
+        item
         for fleet in in_roles(
             device_fleets(case).values(), "storage", "dispatchable", "weather", "load"
         )
         for name, size in zip(fleet.names, fleet.size_mw(), strict=True)
-        for one in _SERIES[fleet.role](case, tables, fleet, name, float(size))
+        for item in _SERIES[fleet.role](case, tables, fleet, name, float(size))
     ]
-    asked += _of_switches(case, tables)
-    return sorted(asked, key=lambda one: (one.first, one.stop))
+    to_do += _of_switches(case, tables)
+    return sorted(to_do, key=lambda item: (item.first, item.stop))
 
 
 def _storage(
@@ -77,8 +77,8 @@ def _storage(
     for verb, sign in verbs:
         # The other way counts as no pause.
         against = sign * power < -NOTABLE_SHARE * size
-        for one in _spans(case, verb, name, sign * power, size, ~against):
-            yield replace(one, stored_mwh=float(tables["energy"][name][one.stop - 1]))
+        for item in _spans(case, verb, name, sign * power, size, ~against):
+            yield replace(item, stored_mwh=float(tables["energy"][name][item.stop - 1]))
 
 
 def _dispatchable(
