@@ -9,10 +9,13 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.dispatch.memory import Memory
+from resilience.dispatch.registry import REFERENCE, factory_of
 from resilience.evaluation.clairvoyant import HorizonProgram
 from resilience.fragility.beliefs.belief import Belief
 from resilience.fragility.beliefs.history import LineHistory
+from resilience.models.backends.base import Solution
 from resilience.simulation.observation import Observation
+from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 
@@ -55,15 +58,31 @@ class PenalisedProgram:
         """Of slopes: (units and tanks, lines, slots of the period)."""
         return len(self.program.state_columns), len(self.surprise), self.period
 
-    def evaluate(self, slopes: Floats) -> tuple[Floats, Floats]:
-        """(scenarios,) penalised optimum, proven, and the subgradient of its mean by the slopes."""
-        n, probability = self.world.scenarios.n, self.world.scenarios.probability
-        optimum, gradient = np.empty(n), np.zeros(self.shape)
-        for k in range(n):
-            solution = self.program.solve(self.slots, k, self._prices(slopes, k))
-            optimum[k] = self.program.bound(solution)
-            gradient += probability[k] * self._by_period(k, self.program.levels(solution))
-        return optimum, gradient
+    def optimum(self, slopes: Floats) -> Floats:
+        """(scenarios,) $, the penalised optimum of each, proven."""
+        every = range(self.world.scenarios.n)
+        return np.array([self.program.bound(self._solved(slopes, k)) for k in every])
+
+    def value(self, slopes: Floats) -> float:
+        """Its mean less what the reference pays, $: that has the same mean, and little noise."""
+        probability = self.world.scenarios.probability
+        return float(probability @ (self.optimum(slopes) - self.paid(slopes, self.reference)))
+
+    def gradient(self, slopes: Floats) -> Floats:
+        """A subgradient of `value` by the slopes; their mean is concave."""
+        total, probability = np.zeros(self.shape), self.world.scenarios.probability
+        for k in range(self.world.scenarios.n):
+            levels = self.program.levels(self._solved(slopes, k)) - _levels(self.reference)[:, :, k]
+            total += probability[k] * self._by_period(k, levels)
+        return total
+
+    @cached_property
+    def reference(self) -> Trajectory:
+        """What somebody does who foresees nothing: a battery kept full."""
+        return simulate(self.world, factory_of(REFERENCE)(self.world.setting))
+
+    def _solved(self, slopes: Floats, k: int) -> Solution:
+        return self.program.solve(self.slots, k, self._prices(slopes, k))
 
     def worth(self) -> Floats:
         """(units and tanks, slots, scenarios) $ that one more unit saves the clairvoyant."""
@@ -89,12 +108,8 @@ class PenalisedProgram:
 
     def paid(self, slopes: Floats, trajectory: Trajectory) -> Floats:
         """(scenarios,) $ of penalties that a trajectory's own decisions pay."""
-        levels = [trajectory.energy[:, 1:]]
-        levels += [] if trajectory.fuel is None else [trajectory.fuel[:, 1:]]
-        every = slopes[:, :, self._place]
-        return np.asarray(
-            np.einsum("skt,ktn,stn->n", every, self.surprise, np.concatenate(levels), optimize=True)
-        )
+        every, levels = slopes[:, :, self._place], _levels(trajectory)
+        return np.asarray(np.einsum("skt,ktn,stn->n", every, self.surprise, levels, optimize=True))
 
     def _prices(self, slopes: Floats, k: int) -> Floats:
         """(units and tanks, slots) $ per unit at the end of every slot of scenario k."""
@@ -129,3 +144,9 @@ class PenalisedProgram:
                 expected = tells.next_down(self.memory.history(observation, k))
                 surprise[:, t, k] = next_down[:, k] - expected
         return surprise
+
+
+def _levels(trajectory: Trajectory) -> Floats:
+    """(units and tanks, slots, scenarios) MWh and m³ at the end of every slot."""
+    fuel = [] if trajectory.fuel is None else [trajectory.fuel[:, 1:]]
+    return np.concatenate([trajectory.energy[:, 1:], *fuel])
