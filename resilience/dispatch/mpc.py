@@ -10,11 +10,13 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.reserve import Reserve, reserve_price
 from resilience.dispatch.window_program import (
-    Answer,
     WindowProgram,
     WindowRequest,
     WindowSteps,
+    before_of,
+    devices_of,
     fuel_of,
+    joined_action,
 )
 from resilience.fragility.beliefs.belief import Belief
 from resilience.models.microgrid import Microgrid
@@ -50,7 +52,7 @@ class BlindMPC:
 
     def act(self, observation: Observation) -> Action:
         """The first slot of each scenario's window: (units, batch) charging power, MW."""
-        answer = Answer.blank(observation, self.program.burners)
+        decisions = []
         for k in range(observation.energy.shape[1]):
             up = np.repeat(observation.line_up[:, [k]], self.program.steps.n, axis=1)
             request = WindowRequest(
@@ -61,9 +63,11 @@ class BlindMPC:
                 observation.forecast_of(k),
                 self.value,
                 fuel=fuel_of(observation, k, self.fuel_value),
+                devices=devices_of(observation, k),
+                before=before_of(observation, k),
             )
-            answer.note(k, self.program.decisions(request))
-        return answer.action
+            decisions.append(self.program.decisions(request))
+        return joined_action(decisions)
 
 
 class MPC:
@@ -106,10 +110,10 @@ class MPC:
     def act(self, observation: Observation) -> Action:
         """The first slot of each scenario's window: (units, batch) charging power, MW."""
         self.memory.update(observation)
-        answer = Answer.blank(observation, self.program.burners)
+        decisions = []
         for k in range(observation.energy.shape[1]):
-            answer.note(k, self.program.decisions(self._request(observation, k)))
-        return answer.action
+            decisions.append(self.program.decisions(self._request(observation, k)))
+        return joined_action(decisions)
 
     def _request(self, observation: Observation, k: int) -> WindowRequest:
         """What the program is asked in scenario k."""
@@ -129,6 +133,8 @@ class MPC:
             self.value[:, end],
             self._reserve(observation, k),
             fuel_of(observation, k, self.fuel_value[:, end]),
+            devices_of(observation, k),
+            before_of(observation, k),
         )
 
     def _reserve(self, observation: Observation, k: int) -> tuple[Floats, Floats]:

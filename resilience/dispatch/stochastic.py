@@ -19,12 +19,14 @@ from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.window_program import (
     RISK_NEUTRAL,
-    Answer,
     WindowProgram,
     WindowRequest,
     WindowSteps,
+    before_of,
     check_storage,
+    devices_of,
     fuel_of,
+    joined_action,
 )
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.outages.bell import Bell
@@ -84,7 +86,7 @@ class Stochastic:
         """The common first slot of every scenario's program: (units, batch) charging power, MW."""
         self.memory.update(observation)
         end = min(observation.t + self.steps.horizon, self.setting.case.slots)
-        answer = Answer.blank(observation, self.burners)
+        decisions = []
         for k in range(observation.energy.shape[1]):
             up, probability = self._paths(observation, k)
             request = WindowRequest(
@@ -96,9 +98,11 @@ class Stochastic:
                 self.value[:, end],
                 off=self._off(observation.t, k),
                 fuel=fuel_of(observation, k, self.fuel_value[:, end]),
+                devices=devices_of(observation, k),
+                before=before_of(observation, k),
             )
-            answer.note(k, self._program(len(probability)).decisions(request))
-        return answer.action
+            decisions.append(self._program(len(probability)).decisions(request))
+        return joined_action(decisions)
 
     def _usual_steps(self) -> WindowSteps:
         case = self.setting.case

@@ -8,8 +8,8 @@ right-hand sides and the cost vector, so a program is built once and keeps its b
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -21,13 +21,16 @@ from resilience.case.schema import LoadTable
 from resilience.dispatch.merged_grid import MergedGrid, profiles_of
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
+from resilience.models.backends.branching import Branching
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.risk_averse import RiskAverse
+from resilience.models.case_program import line_up_before
 from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
+from resilience.models.simulator import Decision
 from resilience.simulation.observation import Action, Forecast, Observation, Rationed
 
 RISK_NEUTRAL = Risk()
@@ -36,6 +39,9 @@ RISK_NEUTRAL = Risk()
 FAR_BLOCK_H = 4.0
 MAX_REACH_H = 48.0
 """Paths know from their second slot on how long they last, so that longer ones keep too much."""
+
+GAP = 1e-6
+"""Share of the cost, and $, by which the commitment of a first slot may miss the optimum."""
 
 POWER_UNITS = ("MW", "Mvar", "m³/h")
 """Units of data that shrink with the part of a step that lies within the horizon."""
@@ -153,6 +159,8 @@ class WindowRequest:
         value: (units,) $ per MWh left at the end of the steps.
         reserve: level in MWh and price in $/MWh, (buses with storage, steps) each, where there is
             one.
+        devices: what else devices carry, (devices,) by name; see `Observation.states`.
+        before: (lines of the case,) line status one slot before `t`; None: as in `t`.
         off: what may be added to the forecast of a profile by name, (slots of the steps, paths),
             nothing in the first slot; None: the forecast is exact.
         fuel: m³ in every tank, and $ per m³, beyond its price, of what is left at the end of the
@@ -167,13 +175,15 @@ class WindowRequest:
     value: Floats
     reserve: tuple[Floats, Floats] | None = None
     fuel: tuple[Floats, Floats] | None = None
+    devices: Mapping[str, Floats] = field(default_factory=dict)
+    before: Bools | None = None
     off: Mapping[str | None, Floats] | None = None
 
     @property
     def states(self) -> dict[str, Floats]:
-        """Energy and fuel at the start, by the names of the states."""
+        """All that is at the start, by the names of the states."""
         fuel = {} if self.fuel is None else {"tank.level": self.fuel[0]}
-        return {"ess.energy": self.energy, **fuel}
+        return {"ess.energy": self.energy, **fuel, **self.devices}
 
     @property
     def end_values(self) -> Floats:
@@ -186,34 +196,32 @@ def fuel_of(observation: Observation, k: int, value: Floats) -> tuple[Floats, Fl
     return None if observation.fuel is None else (observation.fuel[:, k], value)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """Decisions for a batch, scenario by scenario.
+def devices_of(observation: Observation, k: int) -> dict[str, Floats]:
+    """What devices of scenario k carry, as a request has it."""
+    return {name: values[:, k] for name, values in observation.states.items()}
 
-    Attributes:
-        power: (units, batch) charging power, MW.
-        burner_mw: (burners, batch) MW of generators with a tank; None without tanks.
-    """
 
-    power: Floats
-    burner_mw: Floats | None
+def before_of(observation: Observation, k: int) -> Bools | None:
+    """(lines,) status of the slot before in scenario k, as a request has it."""
+    before = observation.line_up_before
+    return None if before is None else before[:, k]
 
-    @classmethod
-    def blank(cls, observation: Observation, burners: int) -> Answer:
-        """Room for the decisions of a slot; `burners` are generators with a tank."""
-        power = np.empty_like(observation.energy)
-        return cls(power, np.empty((burners, power.shape[1])) if burners else None)
 
-    def note(self, k: int, decisions: tuple[Floats, Floats]) -> None:
-        """Writes what is decided in scenario k, see `WindowProgram.decisions`."""
-        self.power[:, k] = decisions[0]
-        if self.burner_mw is not None:
-            self.burner_mw[:, k] = decisions[1]
+def joined_action(decisions: Sequence[Decision]) -> Action:
+    """What a dispatcher answers for a batch, from the decisions (rows,) of every scenario."""
 
-    @property
-    def action(self) -> Action:
-        """What a dispatcher answers."""
-        return self.power if self.burner_mw is None else Rationed(self.power, self.burner_mw)
+    def side_by_side(columns: Sequence[Floats | None]) -> Floats | None:
+        values = [column for column in columns if column is not None]
+        return np.stack(values, axis=1) if values else None
+
+    power, *more = (side_by_side(columns) for columns in zip(*decisions, strict=True))
+    assert power is not None  # every decision has it
+    if all(values is None for values in more):
+        return power
+    burner_mw, *commitment = more
+    if burner_mw is not None and all(values is None for values in commitment):
+        return Rationed(power, burner_mw)
+    return Decision(power, *more)
 
 
 def check_storage(case: Case) -> None:
@@ -280,13 +288,23 @@ class WindowProgram:
         self._first = [standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
         self.burners, none = len(merged.burner_shares), np.empty(0, np.intp)
         self._generators = standard.columns("generator.p")[:, 0] if self.burners else none
+        self._on, self._closed = (self._now(name) for name in ("generator.on", "line.closed"))
+        self._ramped = self._now("generator.p", "generator.p_before")
+        now = standard.copies[0].columns[0]
+        integers = now[standard.integer[now]]
+        # Later steps stay relaxed: what a start is worth is all that they have to tell.
+        self.search = Branching(self.solver, integers, gap=GAP, gap_abs=GAP)
+        self._with_before = any(b.name == "generator.bound" for b in stages[0].datums)
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
 
-    def _burner_mw(self, z: Floats) -> Floats:
-        """(burners,) MW of generators with a tank in the first slot."""
-        shares = self.merged.burner_shares
-        return shares @ z[self._generators] if self.burners else np.empty(0)
+    def _now(self, name: str, among: str | None = None) -> Ints | None:
+        """Columns of a variable in the first slot, those of the labels of another; None without."""
+        if not self.standard.has(among or name):
+            return None
+        labels = self.standard.labels(name)
+        rows = [labels.index(label) for label in self.standard.labels(among or name)]
+        return self.standard.columns(name)[rows, 0]
 
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
@@ -312,7 +330,10 @@ class WindowProgram:
         is_last = (steps.starts <= last - request.t) & (
             last - request.t < steps.starts + steps.width
         )
-        situation = merged.microgrid.situation(up, profile, is_last=is_last[self.step_of])
+        before = self._before(request, up) if self._with_before else None
+        situation = merged.microgrid.situation(
+            up, profile, before=before, is_last=is_last[self.step_of]
+        )
         situation = replace(situation, final_price_per_mwh=self.final_price_per_mwh)
         data = merged.microgrid.data(situation)
         # Of a step that passes the end of the horizon only the part before it counts.
@@ -325,6 +346,12 @@ class WindowProgram:
             data["reserve.level"] = level[:, self.step_of]
             data["reserve.price"] = price[:, self.step_of]
         return data
+
+    def _before(self, request: WindowRequest, up: Bools) -> Bools:
+        """(lines of the case, nodes) status a slot before every node, whose status is `up`."""
+        before = line_up_before(up, self.standard.tree)
+        before[:, 0] = up[:, 0] if request.before is None else request.before
+        return before
 
     def _at_nodes(self, request: WindowRequest, name: str | None, slots: Ints) -> Floats:
         """(nodes,) mean of a profile over the step of every node, on its path."""
@@ -356,14 +383,23 @@ class WindowProgram:
 
     def decide(self, request: WindowRequest) -> Floats:
         """(units,) charging power in the first slot, MW; negative is discharging."""
-        return self.decisions(request)[0]
+        return self.decisions(request).power
 
-    def decisions(self, request: WindowRequest) -> tuple[Floats, Floats]:
-        """In the first slot (units,) charging, and (burners,) power of burners, MW."""
+    def decisions(self, request: WindowRequest) -> Decision:
+        """All that is decided in the first slot, (rows,) each."""
         data = self.data(request)
         if isinstance(self.solver, RiskAverse):
             self.solver.weigh(request.probability)
             self.solver.price(data, self._worth(request.end_values))
-        self.solver.update(self.vectors(request, data))
-        z = self.solver.solve().point
-        return z[self._first[0]] - z[self._first[1]], self._burner_mw(z)
+        z = self.search.solve(self.vectors(request, data)).point
+
+        def values(columns: Ints | None) -> Floats | None:
+            return None if columns is None else z[columns]
+
+        return Decision(
+            power=z[self._first[0]] - z[self._first[1]],
+            burner_mw=self.merged.burner_shares @ z[self._generators] if self.burners else None,
+            on=values(self._on),
+            closed=values(self._closed),
+            ramped_mw=values(self._ramped),
+        )

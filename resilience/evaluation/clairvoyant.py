@@ -23,6 +23,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.simulation.observation import Action, Observation, Rationed
+from resilience.simulation.slots import up_before
 from resilience.simulation.world import World
 
 
@@ -93,6 +94,7 @@ class HorizonProgram:
         cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
         stage = microgrid.stage(microgrid.case.step_h, may_spill=True)
         self.standard = standard = unroll([stage], tree, cuts)
+        self.with_before = any(datum.name == "generator.bound" for datum in stage.datums)
         self.solver = Highs(lower(standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)
         nothing = np.empty((0, slots), np.intp)
@@ -109,8 +111,8 @@ class HorizonProgram:
         """Solves the forecast without outages, from scratch, and remembers its basis."""
         case = self.world.microgrid.case
         self.solver.forget()
-        up = np.ones((len(self.world.line_up), len(slots)), bool)
-        self.solver.update(self._vectors(slots, up, case.profile))
+        calm = np.ones((len(self.world.line_up), case.slots), bool)
+        self.solver.update(self._vectors(slots, calm, case.profile))
         self.solver.solve()
         self.basis = self.solver.basis()
 
@@ -127,7 +129,7 @@ class HorizonProgram:
         names = [None, *world.microgrid.case.profiles]
         every = np.arange(world.microgrid.case.slots)
         true = {name: world.profile(name, every)[:, k] for name in names}
-        vectors = self._vectors(slots, world.line_up[:, slots, k], true.__getitem__)
+        vectors = self._vectors(slots, world.line_up[:, :, k], true.__getitem__)
         if state_price is not None:
             vectors.cost[self.state_columns] += state_price
         self.solver.update(vectors)
@@ -162,10 +164,14 @@ class HorizonProgram:
         rows = [self.standard.rows(f"{name.split('.')[0]}.dynamics") for name in self.states]
         return solution.duals.rows[np.concatenate(rows)]
 
-    def _vectors(self, slots: Ints, up: Bools, profile: Callable[[str | None], Floats]) -> Vectors:
+    def _vectors(
+        self, slots: Ints, path: Bools, profile: Callable[[str | None], Floats]
+    ) -> Vectors:
+        """The numbers of some slots of a path (lines of the case, slots of the horizon)."""
         microgrid = self.merged.microgrid
         of_slots = self.merged.profile(lambda name: profile(name)[slots])
-        data = microgrid.data(microgrid.situation(up, of_slots))
+        before = up_before(path[:, :, None], slots)[:, :, 0] if self.with_before else None
+        data = microgrid.data(microgrid.situation(path[:, slots], of_slots, before=before))
         return self.standard.vectors(data, microgrid.start())
 
 

@@ -22,7 +22,7 @@ from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.engines import Engine, spread
 from resilience.evaluation.store import Store
-from resilience.models.simulator import NetworkSimulator
+from resilience.models.simulator import Simulator
 from resilience.progress import Meter, interruptible, meter, notice
 from resilience.simulation.simulate import simulate
 from resilience.simulation.trajectory import Trajectory, joined
@@ -154,7 +154,7 @@ def _size(world: World, make: Factory | None) -> int:
     """Scenarios of one part."""
     if make is None:
         return EPISODES_PER_BOUND_PART
-    alone = isinstance(world.simulator, NetworkSimulator)  # it keeps a basis, too
+    alone = not isinstance(world.simulator, Simulator)  # it keeps a basis, too
     return STEPPED_AT_ONCE if is_batched(make) and not alone else 1
 
 

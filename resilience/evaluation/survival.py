@@ -33,6 +33,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
 from resilience.progress import meter
 from resilience.simulation.observation import Forecast, Observation, parts_of
+from resilience.simulation.stepping import stepped
 from resilience.simulation.world import World
 
 if TYPE_CHECKING:
@@ -234,19 +235,18 @@ def _lasts_h(
     kinds = (rows[critical], rows)
     lasts = np.full((len(kinds), n), np.inf)
     dispatcher, energy, fuel = make(world.setting), world.start(), world.setting.start_fuel()
-    unknown = np.full(n, -1)
+    states, unknown = world.setting.start_states(), np.full(n, -1)
     for t in range(case.slots):
         slot = world.slot(t, energy)
         observation = Observation(
             t, energy, world.line_up[:, t], slot.island, unknown, world.forecast(t), slot.stacked,
-            fuel,
+            fuel, states, world.line_up_before(t),
         )  # fmt: skip
-        power, burner_mw = parts_of(dispatcher.act(observation))
-        step = simulator.step(energy, power, slot.stacked, slot.island, fuel, burner_mw)
+        step = stepped(simulator, observation, parts_of(dispatcher.act(observation)))
         for lasts_h, kind in zip(lasts, kinds, strict=True):
             sheds = np.isfinite(time_to_first_shed(step.flows[kind][:, None], case.step_h))
             lasts_h[sheds & np.isinf(lasts_h)] = t * case.step_h
-        energy, fuel = step.energy, step.fuel
+        energy, fuel, states = step.energy, step.fuel, step.states
         advance(n)
     return lasts
 

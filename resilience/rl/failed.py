@@ -12,7 +12,6 @@ from resilience.simulation.observation import (
     Action,
     Dispatcher,
     Observation,
-    Rationed,
     parts_of,
 )
 from resilience.simulation.setting import Setting
@@ -38,11 +37,10 @@ class WithFailed:
         self.name = f"{inner.name} without {', '.join(names)}"
 
     def act(self, observation: Observation) -> Action:
-        """(units, batch) MW; fuel is rationed as the inner one does."""
-        inner, burner_mw = parts_of(self.inner.act(observation))
-        outer, _ = parts_of(self.outer.act(observation))
-        power = np.where(self.failed, outer, inner)
-        return power if burner_mw is None else Rationed(power, burner_mw)
+        """(units, batch) MW; everything else is decided as the inner one does."""
+        inner = parts_of(self.inner.act(observation))
+        outer = parts_of(self.outer.act(observation))
+        return inner._replace(power=np.where(self.failed, outer.power, inner.power))
 
 
 class FailedEntry:

@@ -4,7 +4,9 @@ stage and not by what stepped it.
 Every slot of every scenario is held against the stage's own numbers: limits of what was dispatched,
 the dynamics of storage and tanks, the balance of every island, and the price of it all. Violations
 are scaled as in `models.program.referee`. What flows on lines, voltages and reactive power are not
-part of a trajectory; rows that need them are not judged here, AC power flow (`--ac`) does.
+part of a trajectory without `decisions`; rows that need them are not judged there, AC power flow
+(`--ac`) does. With them every row of the stage is judged, minimum times, ramps and radiality
+included, every structure, and that what is whole is.
 """
 
 from __future__ import annotations
@@ -19,9 +21,10 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import CertificateError
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
+from resilience.models.simulator import MilpSimulator
 from resilience.models.simulator.arrays import array_ops
 from resilience.models.simulator.plant import DELIVERY, LEVEL, STATE
-from resilience.models.structures import Largest, Split
+from resilience.models.structures import Adjacent, Disc, Largest, Split
 from resilience.simulation.slots import NODES, stretch_data
 from resilience.tolerances import AUDIT_TOLERANCE, BOUND_TOLERANCE
 
@@ -68,6 +71,7 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
         "left_mwh": (n,),
         "proven": (n,),
         "fuel": (tanks, slots + 1, n),
+        "decisions": (len(simulator.decision_columns), slots, n),
     }
     for name, shape in shapes.items():
         array = getattr(trajectory, name)
@@ -79,6 +83,10 @@ def check_shapes(world: World, trajectory: Trajectory) -> None:
             raise _impossible(trajectory, f"{name} holds values that are no numbers")
     if tanks and trajectory.fuel is None:
         raise _impossible(trajectory, "it tells nothing of fuel")
+    if simulator.decision_columns and trajectory.decisions is None:
+        raise _impossible(trajectory, "it tells nothing of commitment, ramps, curves or switches")
+    if trajectory.decision_columns != simulator.decision_columns:
+        raise _impossible(trajectory, f"it decides {', '.join(trajectory.decision_columns)}")
     if trajectory.columns != simulator.columns:
         raise _impossible(trajectory, f"its sources are {', '.join(trajectory.columns)}")
     if trajectory.step_h != world.microgrid.case.step_h:
@@ -134,7 +142,10 @@ class _Judged:
         now, none = np.arange(self.form.n_now), np.empty(0, np.intp)
         energy = plant.positions(STATE) if plant.units else none
         level = plant.positions(LEVEL) if plant.tanks else none
-        self.places = np.concatenate([now, energy, level, *stored, plant.sources])
+        if isinstance(plant, MilpSimulator):
+            self.places = np.concatenate([now, *stored, plant.sources, plant.decided])
+        else:
+            self.places = np.concatenate([now, energy, level, *stored, plant.sources])
         self.fixed_by_data = self._fixed_by_data()
         hidden = np.ones(self.form.n_columns, bool)
         hidden[self.places] = hidden[self.fixed_by_data] = False
@@ -146,7 +157,7 @@ class _Judged:
         self.structures = [
             (structure, matrices)
             for structure, matrices in self.form.structures
-            if isinstance(structure, Split | Largest)
+            if isinstance(structure, Split | Largest | Adjacent | Disc)
             and not any((abs(m) @ hidden.astype(float)).any() for m in matrices)
         ]
 
@@ -173,7 +184,12 @@ class _Judged:
         """Judges some slots of all scenarios."""
         world, n = self.world, self.world.scenarios.n
         data, situation = stretch_data(
-            world.microgrid, world.line_up, world.profile, slots, self.trajectory.energy[:, slots]
+            world.microgrid,
+            world.line_up,
+            world.profile,
+            slots,
+            self.trajectory.energy[:, slots],
+            with_before=world.simulator.needs_outage_begins,
         )
         stacked = np.broadcast_to(world.simulator.stacked(data), (self.form.n_data, len(slots) * n))
         z = self._point(slots)
@@ -182,7 +198,12 @@ class _Judged:
         shape = (-1, len(slots), n)
         self._judge_bounds(z, low, high, slots)
         self._judge_rows(z, sides, slots)
-        self._judge_balance(z, sides, np.asarray(situation.island), slots)
+        island = np.asarray(situation.island)
+        if self.trajectory.decisions is not None:  # what flows on lines is known, too
+            island = np.repeat(np.arange(len(island))[:, None], len(slots) * n, axis=1)
+            self._judge_integers(z, slots)
+            self._judge_states(slots)
+        self._judge_balance(z, sides, island, slots)
         for structure, matrices in self.structures:
             args = [m @ z + a.const[:, None] for m, a in zip(matrices, structure.args, strict=True)]
             limits = [np.asarray(limit)[:, None] for limit in structure.limits]
@@ -200,6 +221,10 @@ class _Judged:
         run = self.trajectory
         nothing = np.empty((0, len(slots), run.n))
         fuel = nothing if run.fuel is None else run.fuel[:, slots]
+        if run.decisions is not None:
+            charge, discharge = (np.maximum(w * run.storage[:, slots], 0.0) for w in (-1.0, 1.0))
+            parts = [*self._before(slots), charge, discharge, run.flows[:, slots]]
+            return self._placed([*parts, run.decisions[:, slots]], slots)
         parts = [
             run.energy[:, slots],
             fuel,
@@ -209,9 +234,45 @@ class _Judged:
             np.maximum(run.storage[:, slots], 0.0),
             run.flows[:, slots],
         ]
-        z = np.zeros((self.form.n_columns, len(slots) * run.n))
+        return self._placed(parts, slots)
+
+    def _placed(self, parts: list[Floats], slots: Ints) -> Floats:
+        """(columns of the form, slots * scenarios) parts (n, slots, scenarios) in their places."""
+        z = np.zeros((self.form.n_columns, len(slots) * self.trajectory.n))
         z[self.places] = np.concatenate(parts).reshape(len(self.places), -1)
         return z
+
+    def _before(self, slots: Ints) -> list[Floats]:
+        """(labels, slots, scenarios) of every state at the start of some slots."""
+        run, start = self.trajectory, self.world.setting.start_states()
+        before = []
+        begins = np.isin(slots - 1, [-1, *self.world.ends[:-1]])
+        for _, after in self.form.stage.states:
+            if after.name == STATE:
+                before.append(run.energy[:, slots])
+            elif after.name == LEVEL and run.fuel is not None:
+                before.append(run.fuel[:, slots])
+            else:
+                first = start[after.name][:, None]
+                before.append(
+                    np.where(begins[None, :, None], first, run.decided(after.name)[:, slots - 1])
+                )
+        return before
+
+    def _judge_integers(self, z: Floats, slots: Ints) -> None:
+        """What is decided whole is whole."""
+        columns = self.form.n_now + np.flatnonzero(self.form.integer)
+        off = np.abs(z[columns] - np.round(z[columns]))
+        self.note("integrality", off.reshape(len(columns), len(slots), -1), slots)
+
+    def _judge_states(self, slots: Ints) -> None:
+        """Energy and fuel of the next slot are those that this one ends with."""
+        run = self.trajectory
+        goes_on = slots[~np.isin(slots, self.world.ends[:-1])]
+        for name, level in ((STATE, run.energy), (LEVEL, run.fuel)):
+            if level is not None and len(goes_on):
+                apart = level[:, goes_on + 1] - run.decided(name)[:, goes_on]
+                self.note(name, apart / (1.0 + np.abs(level[:, goes_on + 1])), goes_on)
 
     def _after(self, slots: Ints) -> Floats:
         """(units, slots, scenarios) energy at the end; where the state is reset, what the dynamics

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.models.simulator import Decision
 
 Forecast = Callable[[str | None, Ints], Floats]
 """Per-unit values of a profile, by its name (None: constant 1) and slots from now on."""
@@ -28,6 +29,11 @@ class Observation:
         data: (n_data, batch) demand, weather, prices and limits of the slot as they are, stacked
             as `Simulator.stacked` does.
         fuel: (tanks, batch) m³ in every tank, in the order of `case.tank`; None without tanks.
+        states: what else devices carry from slot to slot, (devices, batch) by name: `generator.on`,
+            hours still to wait `generator.up_left` and `generator.down_left`, MW before
+            `generator.p_before`, `line.closed`; empty where a case has none of them.
+        line_up_before: (lines of the case, batch) which lines were up one slot ago, all at the
+            start; None: as now. Units may trip where an outage begins.
     """
 
     t: int
@@ -38,6 +44,8 @@ class Observation:
     forecast: Forecast
     data: Floats
     fuel: Floats | None = None
+    states: Mapping[str, Floats] = field(default_factory=dict)
+    line_up_before: Bools | None = None
 
     def forecast_of(self, k: int) -> Forecast:
         """The forecast of scenario k alone, (len(slots),)."""
@@ -57,17 +65,20 @@ class Rationed(NamedTuple):
     burner_mw: Floats
 
 
-Action = Floats | Rationed
-"""(units, batch) charging power in MW, negative when discharging, with fuel rationed or not."""
+Action = Floats | Rationed | Decision
+"""(units, batch) charging power in MW, negative when discharging, with fuel rationed or not, or
+with units committed and lines switched."""
 
 
-def parts_of(action: Action) -> tuple[Floats, Floats | None]:
-    """Charging power, and what generators with a tank may give if that is said."""
-    return (action.power, action.burner_mw) if isinstance(action, Rationed) else (action, None)
+def parts_of(action: Action) -> Decision:
+    """An action of any kind as a decision."""
+    if isinstance(action, Decision):
+        return action
+    return Decision(*action) if isinstance(action, Rationed) else Decision(action)
 
 
 class Dispatcher(Protocol):
-    """Decides the storage power in every slot; the rest of each island follows by recourse.
+    """Decides the storage power in every slot, and what runs; the rest follows by recourse.
 
     A dispatcher is made from the setting in which it acts, once for a batch of scenarios, and then
     asked slot by slot. It may remember what it has observed. It does not need to keep to limits:
@@ -97,7 +108,9 @@ class Dispatcher(Protocol):
     def act(self, observation: Observation, /) -> Action:
         """(units, batch) charging power in MW, negative when discharging.
 
-        Where there are tanks, it may be `Rationed`; if not, fuel is burnt as merit asks.
+        Where there are tanks, it may be `Rationed`; if not, fuel is burnt as merit asks. Where
+        units need commitment or lines can be switched, it may be a `Decision`; if not, the
+        simulator commits and switches by merit.
 
         Args:
             observation: of the slot; do not change its arrays.

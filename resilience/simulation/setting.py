@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -11,6 +12,7 @@ from resilience.arrays import Floats, Ints
 from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid
+from resilience.models.simulator import MilpSimulator
 from resilience.simulation.slots import Stepper
 
 if TYPE_CHECKING:
@@ -70,6 +72,16 @@ class Setting:
         if self.microgrid.tanks is None:
             return None
         return np.repeat(self.microgrid.start()["tank.level"][:, None], self.n, axis=1)
+
+    def start_states(self) -> Mapping[str, Floats]:
+        """(devices, batch) by name what devices carry at the start, beside energy and fuel."""
+        if not isinstance(self.simulator, MilpSimulator):
+            return {}
+        start = self.microgrid.start()
+        return {
+            name: np.repeat(start[name][:, None], self.n, axis=1)
+            for name in self.simulator.device_states
+        }
 
     def start(self) -> Floats:
         """(units, batch) MWh stored at the start."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.observation import Dispatcher, Observation, parts_of
+from resilience.simulation.stepping import stepped
 from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 
@@ -30,8 +31,9 @@ def simulate(
     case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
     energy = start = world.start()
     fuel = start_fuel = world.setting.start_fuel()
+    states = start_states = world.setting.start_states()
     credited = np.zeros(n)
-    trajectory = Trajectory.blank(dispatcher.name, simulator.columns, case, n)
+    trajectory = Trajectory.blank(dispatcher.name, simulator, case, n)
     trajectory.energy[:, 0] = energy
     if trajectory.fuel is not None:
         trajectory.fuel[:, 0] = fuel
@@ -40,19 +42,20 @@ def simulate(
     for t in range(case.slots):
         slot, up = world.slot(t, energy), world.line_up[:, t]
         observation = Observation(
-            t, energy, up, slot.island, world.centre(t), world.forecast(t), slot.stacked, fuel
-        )
+            t, energy, up, slot.island, world.centre(t), world.forecast(t), slot.stacked, fuel,
+            states, world.line_up_before(t),
+        )  # fmt: skip
         began = time.perf_counter(), time.process_time()
-        power, burner_mw = parts_of(dispatcher.act(observation))
+        decision = parts_of(dispatcher.act(observation))
         seconds += time.perf_counter() - began[0]
         cpu += time.process_time() - began[1]
-        step = simulator.step(energy, power, slot.stacked, slot.island, fuel, burner_mw)
+        step = stepped(simulator, observation, decision)
         trajectory.record(t, step)
-        energy, fuel = step.energy, step.fuel
+        energy, fuel, states = step.energy, step.fuel, step.states
         if t in ends:
             credited += energy.sum(0)
             if t + 1 < case.slots:
-                energy, fuel = start, start_fuel
+                energy, fuel, states = start, start_fuel, start_states
         trajectory.energy[:, t + 1] = energy
         if trajectory.fuel is not None:
             trajectory.fuel[:, t + 1] = fuel

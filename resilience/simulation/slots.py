@@ -10,9 +10,9 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation, reached
-from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.models.simulator import MilpSimulator, NetworkSimulator, Simulator
 
-Stepper = Simulator | NetworkSimulator
+Stepper = Simulator | NetworkSimulator | MilpSimulator
 
 NODES = 4096  # slots times scenarios that are worked out together
 
@@ -38,6 +38,8 @@ def stretch_data(
     profile: Callable[[str | None, Ints], Floats],
     slots: Ints,
     energy: Floats | None = None,
+    *,
+    with_before: bool = False,
 ) -> tuple[dict[str, Floats], Situation]:
     """The data of some slots in all scenarios, (labels, slots * scenarios) by name, slot by slot.
 
@@ -48,6 +50,7 @@ def stretch_data(
         slots: which.
         energy: (units, slots, scenarios) MWh stored at the start of each, where it is known: what
             only storage forms is dark then where that has nothing to give.
+        with_before: whether the data depend on which lines were up the slot before.
     """
     lines, _, n = line_up.shape
     profiles: dict[str | None, Floats] = {}
@@ -58,12 +61,23 @@ def stretch_data(
         return profiles[name]
 
     status = line_up[:, slots].reshape(lines, len(slots) * n)
+    before = up_before(line_up, slots).reshape(status.shape) if with_before else None
     if energy is not None and microgrid.energised is not None:
         energy = energy.reshape(len(energy), len(slots) * n)
-        situation = microgrid.situation(status, flat, energy=energy)
+        situation = microgrid.situation(status, flat, before=before, energy=energy)
     else:
-        situation = microgrid.situation(status, flat)
+        situation = microgrid.situation(status, flat, before=before)
     return microgrid.data(situation), situation
+
+
+def up_before(line_up: Bools, slots: Ints) -> Bools:
+    """(lines, slots, scenarios) status one slot before each of `slots`; all up at the start.
+
+    Args:
+        line_up: (lines, slots of the horizon, scenarios) False where a line is down.
+        slots: which.
+    """
+    return np.where(slots[None, :, None] > 0, line_up[:, slots - 1], True)
 
 
 class Slots:
@@ -88,6 +102,7 @@ class Slots:
     ) -> None:
         self.microgrid, self.simulator = microgrid, simulator
         self.line_up, self.profile = line_up, profile
+        self.with_before = simulator.needs_outage_begins
         self.length = max(NODES // max(line_up.shape[2], 1), 1)
         self.number, self.stretch = -1, list[Slot]()
 
@@ -114,7 +129,10 @@ class Slots:
             return slot
         now = np.array([t])
         situation = self.microgrid.situation(
-            self.line_up[:, t], lambda name: self.profile(name, now)[0], energy=energy
+            self.line_up[:, t],
+            lambda name: self.profile(name, now)[0],
+            before=up_before(self.line_up, now)[:, 0] if self.with_before else None,
+            energy=energy,
         )
         data = self.microgrid.data(situation)
         wide = {k: np.broadcast_to(v, (len(v), energy.shape[1])) for k, v in data.items()}
@@ -124,7 +142,9 @@ class Slots:
         """The slots from `first` on, as many as a stretch has."""
         _, horizon, n = self.line_up.shape
         slots = np.arange(first, min(first + self.length, horizon))
-        data, situation = stretch_data(self.microgrid, self.line_up, self.profile, slots)
+        data, situation = stretch_data(
+            self.microgrid, self.line_up, self.profile, slots, with_before=self.with_before
+        )
 
         def apart(array: np.ndarray) -> np.ndarray:
             """(slots, labels, scenarios), a view."""

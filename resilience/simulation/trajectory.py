@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from resilience.case import Case
     from resilience.models.simulator import Step
+    from resilience.simulation.slots import Stepper
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,10 @@ class Trajectory:
         build_seconds, build_cpu_seconds: to make the dispatcher once.
         fuel: (tanks, slots + 1, scenarios) m³ at the start of every slot, and at the end; None
             without tanks.
+        decisions: (decision columns, slots, scenarios) what runs, starts and stops, which lines are
+            closed, and all else of the stage, states at the end of every slot; None where a case
+            has neither commitment, ramps, curves nor switches.
+        decision_columns: names of these, as `generator.on[gen1]`.
         proven: (scenarios,) $ that no method can stay below; of the clairvoyant only.
     """
 
@@ -55,11 +60,14 @@ class Trajectory:
     build_cpu_seconds: float = 0.0
     proven: Floats | None = None
     fuel: Floats | None = None
+    decisions: Floats | None = None
+    decision_columns: tuple[str, ...] = ()
 
     @classmethod
-    def blank(cls, name: str, columns: tuple[str, ...], case: Case, n: int) -> Trajectory:
+    def blank(cls, name: str, simulator: Stepper, case: Case, n: int) -> Trajectory:
         """Room for `n` scenarios over the horizon of a case."""
         units, slots, tanks = len(case.ess), case.slots, len(case.tank)
+        columns, inner = simulator.columns, simulator.decision_columns
         return cls(
             name,
             cost=np.zeros((slots, n)),
@@ -72,6 +80,8 @@ class Trajectory:
             spill=np.zeros((slots, n)),
             left_mwh=np.zeros(n),
             fuel=np.zeros((tanks, slots + 1, n)) if tanks else None,
+            decisions=np.zeros((len(inner), slots, n)) if inner else None,
+            decision_columns=inner,
         )
 
     def record(self, t: int, step: Step) -> None:
@@ -81,11 +91,21 @@ class Trajectory:
         self.flows[:, t] = step.flows
         if self.spill is not None:
             self.spill[t] = step.spill.sum(0)
+        if self.decisions is not None:
+            self.decisions[:, t] = step.decisions
 
     @property
     def n(self) -> int:
         """Number of scenarios."""
         return int(self.cost.shape[1])
+
+    def decided(self, name: str) -> Floats:
+        """(devices, slots, scenarios) one kind of decision, as `generator.on`; empty without."""
+        rows = [
+            k for k, column in enumerate(self.decision_columns) if column.startswith(name + "[")
+        ]
+        nothing = np.empty((0, *self.cost.shape))
+        return nothing if self.decisions is None else self.decisions[rows]
 
     def flow(self, kind: str) -> Floats:
         """(devices, slots, scenarios) the flows of one kind, as `load.shed`."""
@@ -132,6 +152,8 @@ class Trajectory:
             columns |= {f"fuel[{name}]": self.fuel[k, :-1] for k, name in enumerate(tanks)}
         columns |= {f"storage[{name}]": self.storage[k] for k, name in enumerate(units)}
         columns |= {name: self.flows[k] for k, name in enumerate(self.columns)}
+        if self.decisions is not None:
+            columns |= {name: self.decisions[k] for k, name in enumerate(self.decision_columns)}
         if self.spill is not None:
             columns["spill"] = self.spill
         return pd.DataFrame({name: v.T.ravel() for name, v in columns.items()}, index=index)
@@ -150,7 +172,17 @@ def joined(trajectories: Sequence[Trajectory]) -> Trajectory:
         arrays = [getattr(trajectory, name) for trajectory in trajectories]
         return None if arrays[0] is None else np.concatenate(arrays, axis=-1)
 
-    names = ("cost", "energy", "storage", "flows", "spill", "left_mwh", "proven", "fuel")
+    names = (
+        "cost",
+        "energy",
+        "storage",
+        "flows",
+        "spill",
+        "left_mwh",
+        "proven",
+        "fuel",
+        "decisions",
+    )
     arrays: dict[str, Any] = {name: concatenated(name) for name in names}
     return replace(
         trajectories[0],

@@ -45,6 +45,8 @@ def save_trajectory(trajectory: Trajectory, path: str | Path, key: str = "") -> 
             hint=f"{path.stem}.npz, say",
         )
     values = {f.name: getattr(trajectory, f.name) for f in fields(trajectory)}
+    if not trajectory.decision_columns:
+        values["decision_columns"] = None
     arrays: dict[str, Any] = {k: np.asarray(v) for k, v in values.items() if v is not None}
     arrays[DIGEST] = np.asarray(digest_of([key, arrays]))
     with replacing_file(path) as fresh, fresh.open("wb") as binary:
@@ -82,7 +84,8 @@ def load_trajectory(path: str | Path, key: str = "") -> Trajectory:
 def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
     """Whether kinds and shapes of all fields fit each other, and every number is one."""
     cost, columns = values["cost"], values["columns"]
-    if not isinstance(columns, tuple) or np.ndim(cost) != 2:
+    inner = values.get("decision_columns", ())
+    if not (isinstance(columns, tuple) and isinstance(inner, tuple)) or np.ndim(cost) != 2:
         return False
     slots, n = np.shape(cost)
     units, tanks = np.shape(values["energy"])[:1], np.shape(values.get("fuel", 0))[:1]
@@ -95,8 +98,9 @@ def _are_of_one_trajectory(values: Mapping[str, Any]) -> bool:
         "left_mwh": (n,),
         "proven": (n,),
         "fuel": (*tanks, slots + 1, n),
+        "decisions": (len(inner), slots, n),
     }
-    numbers = {f for f in values if f not in ("name", "columns")}
+    numbers = {f for f in values if f not in ("name", "columns", "decision_columns")}
     return (
         isinstance(values["name"], str)
         and all(np.asarray(values[f]).dtype.kind in "fi" for f in numbers)

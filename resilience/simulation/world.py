@@ -14,12 +14,17 @@ from resilience.errors import UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
-from resilience.models.simulator import NetworkSimulator, Simulator
+from resilience.models.simulator import (
+    MilpSimulator,
+    NetworkSimulator,
+    Simulator,
+    needs_milp,
+)
 from resilience.models.simulator.simulator import RecourseRule
 from resilience.simulation.forecast import Outlook
 from resilience.simulation.observation import Forecast
 from resilience.simulation.setting import CASE, Believed, Setting
-from resilience.simulation.slots import Slot, Slots, Stepper
+from resilience.simulation.slots import Slot, Slots, Stepper, up_before
 
 
 @dataclass(frozen=True)
@@ -152,6 +157,10 @@ class World:
         """(lines of the case, slots, scenarios) False where a line is down."""
         return self.scenarios.line_up(self.microgrid.case.network.line_names)
 
+    def line_up_before(self, t: int) -> Bools:
+        """(lines of the case, scenarios) status one slot before slot t; all up at the start."""
+        return up_before(self.line_up, np.array([t]))[:, 0]
+
     @cached_property
     def day(self) -> Ints:
         """(slots,) number of the day of every slot; days begin at midnight."""
@@ -220,21 +229,25 @@ class World:
 
 def stepper(microgrid: Microgrid, recourse: RecourseRule = "economic") -> Stepper:
     """What simulates a microgrid at its physics: by arithmetic where lines carry anything, by a
-    linear program per slot where they have ratings or voltages.
+    linear program per slot where they have ratings or voltages, and by a mixed-integer one where
+    units are committed or ramped, lines switched, or costs curved.
 
     Raises:
         UsageError: physics, or devices, that nothing simulates, or the paper's recourse where lines
-            do not carry anything.
+            do not carry anything, or where devices need more than it says.
     """
-    if microgrid.physics == "copperplate" and not np.isfinite(microgrid.network.rating_mva).any():
-        return Simulator(microgrid, microgrid.case.step_h, recourse)
+    dt, rated = microgrid.case.step_h, np.isfinite(microgrid.network.rating_mva).any()
+    by_arithmetic = microgrid.physics == "copperplate" and not rated
+    is_mixed = needs_milp(microgrid, dt, blocks=by_arithmetic)
+    if by_arithmetic and not is_mixed:
+        return Simulator(microgrid, dt, recourse)
     if recourse != "economic":
         raise UsageError(
-            f"recourse {recourse!r} at {microgrid.physics} or with line ratings; allowed there: "
-            "'economic'",
-            hint="the paper's equations know islands, no lines",
+            f"recourse {recourse!r} at {microgrid.physics}, with line ratings, commitment, ramps, "
+            "curves or switchable lines; allowed there: 'economic'",
+            hint="the paper's equations know islands and merit, no lines and no starts",
         )
-    return NetworkSimulator(microgrid, microgrid.case.step_h)
+    return MilpSimulator(microgrid, dt) if is_mixed else NetworkSimulator(microgrid, dt)
 
 
 def microgrid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:

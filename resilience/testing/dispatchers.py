@@ -117,23 +117,31 @@ class _Recorder:
     def act(self, observation: Observation) -> Action:
         """The dispatcher's action, if it is one."""
         action = self.dispatcher.act(observation)
-        power, burner_mw = parts_of(action)
-        shape = observation.energy.shape
-        assert np.shape(power) == shape, (
-            f"{self.name}: action of shape {np.shape(power)}; allowed: {shape}, (units, batch)"
+        decision, shape = parts_of(action), observation.energy.shape
+        assert np.shape(decision.power) == shape, (
+            f"{self.name}: action of shape {np.shape(decision.power)}; allowed: {shape}, "
+            "(units, batch)"
         )
-        assert np.isfinite(power).all(), f"{self.name}: action {power}; allowed: finite MW"
-        if burner_mw is None:
-            self.actions.append(np.array(power, float))
-            return action
-        allowed = (self.burners, shape[1])
-        assert np.shape(burner_mw) == allowed, (
-            f"{self.name}: burner_mw of shape {np.shape(burner_mw)}; allowed: {allowed}, "
-            "(generators with a tank, batch)"
-        )
-        finite = np.isfinite(burner_mw).all()
-        assert finite, f"{self.name}: burner_mw {burner_mw}; allowed: finite MW"
-        self.actions.append(np.concatenate([power, burner_mw]))
+        carried = {
+            "on": ("generator.on", "committed generators"),
+            "closed": ("line.closed", "switchable lines"),
+            "ramped_mw": ("generator.p_before", "generators with a ramp"),
+        }
+        rows = {"burner_mw": (self.burners, "generators with a tank")} | {
+            key: (len(observation.states.get(state, ())), devices)
+            for key, (state, devices) in carried.items()
+        }
+        for key, (n, devices) in rows.items():
+            values = getattr(decision, key)
+            assert values is None or np.shape(values) == (n, shape[1]), (
+                f"{self.name}: {key} of shape {np.shape(values)}; allowed: {(n, shape[1])}, "
+                f"({devices}, batch)"
+            )
+        for key, values in decision._asdict().items():
+            finite = values is None or np.isfinite(values).all()
+            assert finite, f"{self.name}: {key} {values}; allowed: finite numbers"
+        stated = [np.array(values, float) for values in decision if values is not None]
+        self.actions.append(np.concatenate(stated))
         return action
 
 

@@ -37,7 +37,7 @@ no-load cost or fuel, start cost and minimum times there is no binary. Fuel is i
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -112,6 +112,22 @@ class Generators(DeviceFleet):
         if any(x is not None for x in limits) or table.needs_commitment:
             return None
         return float(table.cost_per_mwh), table.tank, table.fuel_m3_per_mwh
+
+    def with_spill(self, stage: Stage, fed: Injection) -> Injection:
+        """What units that cannot go down at will feed in, less what nobody takes of it.
+
+        A unit that has to run, or to come down slowly, feeds a load bank where an island takes less
+        than it must give: it burns for it, so it is never cheaper than to be able to go down.
+        """
+        units = np.union1d(self.committed, self.ramped)
+        if not len(units):
+            return fed
+        names = [self.names[k] for k in units]
+        spilled = stage.var(
+            "generator.spilled", names, 0.0, self._array("p_max_mw", units), about="power spilled"
+        )
+        stage.le("generator.spilled", spilled, stage["generator.p"][units])
+        return replace(fed, p=fed.p - scatter(spilled, units, len(self.names), self.names))
 
     def _array(self, key: str, units: Ints | None = None) -> Floats:
         tables = self.tables if units is None else [self.tables[i] for i in units]

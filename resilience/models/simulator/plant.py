@@ -19,6 +19,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Labels
+from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
 from resilience.models.program.form import stage_form
@@ -28,6 +29,7 @@ from resilience.models.simulator.constants import Constant, Map
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")
 LEVEL, DELIVERY = "tank.level", "tank.delivery"
+SPILLED = ".spilled"
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,11 @@ class StorageSlot(NamedTuple):
     island: Array
 
 
+def _is_inner(name: str) -> bool:
+    """Whether a variable in the balance is storage, a flow, or what is spilled, and no source."""
+    return name in STORAGE or name.startswith("line.") or name.endswith(SPILLED)
+
+
 class Plant:
     """A stage seen from a step.
 
@@ -82,14 +89,17 @@ class Plant:
         tank_capacity: (tanks, 1) m³.
         fuel_per_mw: (tanks, columns) m³ burnt in a step per MW of every source.
         delivered: map from data to (tanks, batch) m³ that arrive in a step.
+        decision_columns: names of what a step decides beside storage and sources; see
+            `MilpSimulator`.
         charges_at_zero: which one-sided gradient an order of zero has.
     """
 
     charges_at_zero = False
+    decision_columns: Labels = ()
 
     def __init__(self, microgrid: Microgrid, dt: float) -> None:
         self.microgrid, self.dt = microgrid, dt
-        self.form = stage_form(microgrid.stage(dt, energy_known=True))
+        self.form = stage_form(self._stage())
         self.balance_rows = rows = self.form.rows("balance.p")
         self._balance = self.form.a.tocsr()[rows]
         self.n_buses = int(self._balance.shape[0])
@@ -98,6 +108,10 @@ class Plant:
         self._read_storage()
         self._read_sources()
         self._read_tanks()
+
+    def _stage(self) -> Stage:
+        """The stage that is stepped: energy, and with it which islands are alive, is known."""
+        return self.microgrid.stage(self.dt, energy_known=True)
 
     def positions(self, name: str) -> Ints:
         """Columns of a variable in the stage's form."""
@@ -138,9 +152,7 @@ class Plant:
     def _read_sources(self) -> None:
         """Reads what feeds or loads a bus, with its sign, bounds and price."""
         form = self.form
-        blocks = [
-            b for b in form.own_blocks if b.name not in STORAGE and not b.name.startswith("line.")
-        ]
+        blocks = [b for b in form.own_blocks if not _is_inner(b.name)]
         none = np.empty(0, np.intp)
         positions = np.concatenate([form.columns(b) for b in blocks] or [none])
         names = [f"{b.name}[{label}]" for b in blocks for label in b.labels]
@@ -204,6 +216,11 @@ class Plant:
     def burners(self) -> Ints:
         """(burners,) which of the sources burn from a tank."""
         return np.flatnonzero(np.diff(self.fuel_per_mw.indptr))
+
+    @property
+    def needs_outage_begins(self) -> bool:
+        """Whether data of a slot depend on which lines were up the slot before."""
+        return any(datum.name == "generator.bound" for datum in self.form.stage.datums)
 
     @property
     def has_deliveries(self) -> bool:

@@ -10,11 +10,13 @@ from resilience.errors import UsageError
 from resilience.models.structures import Cone, Disc, Largest, Split, Structure
 
 if TYPE_CHECKING:
+    from resilience.models.microgrid import Microgrid
     from resilience.models.simulator.plant import Plant
 
 STATES = ("ess.energy", "tank.level")
 BLOCKS = ("load.on",)
 CURVES = ("tank.burn",)
+CHOICES = ("load.on", "generator.on", "line.closed")
 STEPPED: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Largest})
 """Structures that a step holds."""
 
@@ -48,4 +50,40 @@ def refuse(plant: Plant, *, blocks: bool, ratings: bool) -> None:
         raise UsageError(
             f"the simulator does not {', '.join(demands)}",
             hint=f"it steps cases without {', '.join(without[:-1])} and {without[-1]}",
+        )
+
+
+def needs_milp(microgrid: Microgrid, dt: float, *, blocks: bool) -> bool:
+    """Whether a step has to hold commitment, ramps, curves, switches, or blocks.
+
+    Args:
+        microgrid: the microgrid.
+        dt: length of a step, h.
+        blocks: whether blocks are stepped without.
+    """
+    stage = microgrid.stage(dt, energy_known=True)
+    names = {block.name for block in stage.variables if block.n}
+    states = {after.name for _, after in stage.states if after.n}
+    choices = names & set(CHOICES) - (set(BLOCKS) if blocks else set())
+    curves = names & set(CURVES) or any(type(s) not in STEPPED for s in stage.structures)
+    return bool(choices or states - set(STATES) or curves)
+
+
+def refuse_endless(microgrid: Microgrid) -> None:
+    """Raises where a unit may have to burn on although its tank is empty.
+
+    Raises:
+        UsageError: units with a tank that cannot go down at will; all are named.
+    """
+    slow = [
+        unit.name
+        for unit in microgrid.case.generator
+        if unit.tank is not None and (unit.min_up_h or unit.ramp_down_mw_per_h is not None)
+    ]
+    if slow:
+        raise UsageError(
+            f"the simulator does not step {', '.join(slow)}: a tank, and min_up_h or "
+            "ramp_down_mw_per_h",
+            hint="a unit that must run on may have no fuel to; drop the tank or the limit, or plan "
+            "with `solve`",
         )

@@ -13,7 +13,7 @@ spilled. So every state has an outcome:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, get_args
@@ -53,6 +53,9 @@ class Step:
         spill: (buses, batch) power that had to be taken and could not be used, in the row of the
             island's number.
         fuel: (tanks, batch) m³ in every tank at the end; None without tanks.
+        states: (devices, batch) by name, as `generator.on`, at the end; of `MilpSimulator` alone.
+        decisions: (columns, batch) all of the stage that is not in the others, likewise; their
+            names are `MilpSimulator.decision_columns`.
     """
 
     energy: Array
@@ -62,6 +65,8 @@ class Step:
     spill: Array
     _flows: Callable[[], Array] = field(repr=False, compare=False)
     fuel: Array | None = None
+    states: Mapping[str, Array] = field(default_factory=dict)
+    decisions: Array | None = None
 
     @cached_property
     def flows(self) -> Array:

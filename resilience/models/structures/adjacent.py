@@ -53,3 +53,16 @@ class Adjacent(Mode):
         first = np.argmax(values[:-1] + values[1:], axis=0)
         place = np.arange(len(columns))[:, None]
         return columns[(place < first) | (place > first + 1)]
+
+    def sides(self, columns: Ints, values: Floats) -> tuple[Ints, Ints]:
+        """The weights on either side of the point nearest to the mean of all that are positive.
+
+        That point lies strictly between the outermost two, so neither side is zero now.
+        """
+        place = np.arange(len(columns))
+        positive = np.flatnonzero(values > 0.0)
+        mean = float(place @ np.maximum(values, 0.0) / max(np.maximum(values, 0.0).sum(), 1e-300))
+        middle = int(np.clip(round(mean), positive[0] + 1, positive[-1] - 1))
+        before, behind = columns[:middle], columns[middle + 1 :]
+        lighter = values[:middle].sum() <= values[middle + 1 :].sum()
+        return (before, behind) if lighter else (behind, before)

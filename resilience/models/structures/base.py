@@ -182,6 +182,18 @@ class Mode(Structure):
             values: (arguments, n) of the columns.
         """
 
+    @abstractmethod
+    def sides(self, columns: Ints, values: Floats) -> tuple[Ints, Ints]:
+        """Two sets of columns, one of which is zero in whatever mode one element is, unlike now.
+
+        Args:
+            columns: (arguments,) of the element.
+            values: (arguments,) of the columns; they are in two modes at once.
+
+        Returns:
+            First those whose values are smaller, to branch on first.
+        """
+
 
 class SecondOrder(Structure):
     """A structure that is, or is relaxed to, `|(x1, x2, ...)| <= t` with affine x and t."""

@@ -47,3 +47,8 @@ class Split(Mode):
     def idle_columns(self, columns: Ints, values: Floats) -> Ints:
         """The smaller side."""
         return np.where(values[0] >= values[1], columns[1], columns[0])
+
+    def sides(self, columns: Ints, values: Floats) -> tuple[Ints, Ints]:
+        """Either column."""
+        smaller = int(values[1] <= values[0])
+        return columns[[smaller]], columns[[1 - smaller]]

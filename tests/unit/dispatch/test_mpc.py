@@ -213,7 +213,7 @@ def test_blind_mpc_takes_the_lines_as_they_are(
 ) -> None:
     mpc = BlindMPC(setting, slots=3, value_per_mwh=2.7)
     requests = noted(monkeypatch, mpc.program, [[0.3, -0.2], [0.7, -0.9]])
-    power, _ = parts_of(mpc.act(slot(setting, 5)))
+    power = parts_of(mpc.act(slot(setting, 5))).power
     assert power.tolist() == [[0.3, 0.7], [-0.2, -0.9]]
     for k, (request, down) in enumerate(zip(requests, (1, 2), strict=True)):
         assert request.t == 5

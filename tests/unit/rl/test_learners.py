@@ -195,9 +195,9 @@ def test_failed_units_fall_back_and_the_others_do_not(fallback: str) -> None:
     low, high = episodes.setting.simulator.low, episodes.setting.simulator.high
     energy = low + (high - low) * np.random.default_rng(2).random((5, 4))
     observed = episodes.observation(33, energy)
-    power, _ = parts_of(made(episodes.setting).act(observed))
-    whole, _ = parts_of(factory_of("greedy")(episodes.setting).act(observed))
-    theirs, _ = parts_of(factory_of(names[fallback])(episodes.setting).act(observed))
+    power = parts_of(made(episodes.setting).act(observed)).power
+    whole = parts_of(factory_of("greedy")(episodes.setting).act(observed)).power
+    theirs = parts_of(factory_of(names[fallback])(episodes.setting).act(observed)).power
     assert made.batched
     np.testing.assert_array_equal(power[failed], theirs[failed])
     np.testing.assert_array_equal(power[[0, 3]], whole[[0, 3]])

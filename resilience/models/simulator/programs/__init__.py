@@ -1,0 +1,1 @@
+"""Steps that are programs: voltages and ratings, commitment, ramps, curves, blocks, switches."""
