@@ -78,7 +78,6 @@ class Stochastic:
         self.memory = Memory(setting, daily=self.belief.daily, overnight=self.belief.overnight)
         self.value = stored_energy_value(setting.case, setting.end_value_per_mwh)
         self.fuel_value = fuel_value(setting.case)
-        self.burners = sum(unit.tank is not None for unit in setting.case.generator)
         self.errors = ErrorPaths(setting, paths, seed)
         self.programs: dict[int, WindowProgram] = {}
 

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.case.schema import LoadTable
+from resilience.dispatch.decision_columns import DecisionColumns
 from resilience.dispatch.merged_grid import MergedGrid, profiles_of
 from resilience.dispatch.reserve import Reserve
 from resilience.errors import UsageError
@@ -30,7 +31,7 @@ from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
-from resilience.models.simulator import Decision
+from resilience.models.simulator import Decision, part_by_part
 from resilience.simulation.observation import Action, Forecast, Observation, Rationed
 
 RISK_NEUTRAL = Risk()
@@ -209,19 +210,11 @@ def before_of(observation: Observation, k: int) -> Bools | None:
 
 def joined_action(decisions: Sequence[Decision]) -> Action:
     """What a dispatcher answers for a batch, from the decisions (rows,) of every scenario."""
-
-    def side_by_side(columns: Sequence[Floats | None]) -> Floats | None:
-        values = [column for column in columns if column is not None]
-        return np.stack(values, axis=1) if values else None
-
-    power, *more = (side_by_side(columns) for columns in zip(*decisions, strict=True))
-    assert power is not None  # every decision has it
-    if all(values is None for values in more):
-        return power
-    burner_mw, *commitment = more
-    if burner_mw is not None and all(values is None for values in commitment):
-        return Rationed(power, burner_mw)
-    return Decision(power, *more)
+    decision = part_by_part(lambda columns: np.stack(columns, axis=1), decisions)
+    power, burner_mw, *commitment = decision
+    if any(values is not None for values in commitment):
+        return decision
+    return power if burner_mw is None else Rationed(power, burner_mw)
 
 
 def check_storage(case: Case) -> None:
@@ -252,7 +245,6 @@ class WindowProgram:
         solver: holds it, and its basis between solves.
         step_of: (nodes,) step of every node of the tree.
         path_of: (nodes,) path of every node; 0 for the common slot.
-        burners: how many generators of the case burn from a tank.
         final_price_per_mwh: of what storage lacks of `soc_final_min` at the end of the horizon,
             that of the dearest load: no outage leaves the program without a solution.
     """
@@ -285,11 +277,7 @@ class WindowProgram:
         ends = standard.tree.leaves
         state_names = [name for name in ("ess.energy", "tank.level") if standard.has(name)]
         self._end = np.concatenate([standard.columns(name)[:, ends] for name in state_names])
-        self._first = [standard.columns(f"ess.{way}")[:, 0] for way in ("charge", "discharge")]
-        self.burners, none = len(merged.burner_shares), np.empty(0, np.intp)
-        self._generators = standard.columns("generator.p")[:, 0] if self.burners else none
-        self._on, self._closed = (self._now(name) for name in ("generator.on", "line.closed"))
-        self._ramped = self._now("generator.p", "generator.p_before")
+        self._decided = DecisionColumns.of_program(standard, merged)
         now = standard.copies[0].columns[0]
         integers = now[standard.integer[now]]
         # Later steps stay relaxed: what a start is worth is all that they have to tell.
@@ -297,14 +285,6 @@ class WindowProgram:
         self._with_before = any(b.name == "generator.bound" for b in stages[0].datums)
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
-
-    def _now(self, name: str, among: str | None = None) -> Ints | None:
-        """Columns of a variable in the first slot, those of the labels of another; None without."""
-        if not self.standard.has(among or name):
-            return None
-        labels = self.standard.labels(name)
-        rows = [labels.index(label) for label in self.standard.labels(among or name)]
-        return self.standard.columns(name)[rows, 0]
 
     def _paths_of_columns(self) -> Ints:
         """(columns,) path of every column, -1 for what is common to all."""
@@ -392,14 +372,4 @@ class WindowProgram:
             self.solver.weigh(request.probability)
             self.solver.price(data, self._worth(request.end_values))
         z = self.search.solve(self.vectors(request, data)).point
-
-        def values(columns: Ints | None) -> Floats | None:
-            return None if columns is None else z[columns]
-
-        return Decision(
-            power=z[self._first[0]] - z[self._first[1]],
-            burner_mw=self.merged.burner_shares @ z[self._generators] if self.burners else None,
-            on=values(self._on),
-            closed=values(self._closed),
-            ramped_mw=values(self._ramped),
-        )
+        return self._decided.decision(z, 0)

@@ -61,7 +61,7 @@ class Part:
         began = time.perf_counter(), time.process_time()
         bound = clairvoyant(self.world)
         wall, cpu = time.perf_counter() - began[0], time.process_time() - began[1]
-        trajectory = simulate(self.world, Replay(BOUND, bound.charging, bound.burner_mw), on_slot)
+        trajectory = simulate(self.world, Replay(BOUND, bound.decision), on_slot)
         return replace(
             trajectory, proven=bound.objective, build_seconds=wall, build_cpu_seconds=cpu
         )

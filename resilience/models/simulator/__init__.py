@@ -1,6 +1,6 @@
 """The same stage, stepped: policies, evaluation and gradients."""
 
-from resilience.models.simulator.decision import Decision
+from resilience.models.simulator.decision import Decision, part_by_part
 from resilience.models.simulator.programs.milp import MilpSimulator
 from resilience.models.simulator.programs.network import NetworkSimulator
 from resilience.models.simulator.refusals import needs_milp
@@ -15,4 +15,5 @@ __all__ = [
     "Simulator",
     "Step",
     "needs_milp",
+    "part_by_part",
 ]

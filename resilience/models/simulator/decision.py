@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from resilience.arrays import Floats
@@ -29,3 +30,22 @@ class Decision(NamedTuple):
     on: Floats | None = None
     closed: Floats | None = None
     ramped_mw: Floats | None = None
+
+
+def part_by_part(
+    function: Callable[[list[Floats]], Floats], decisions: Sequence[Decision]
+) -> Decision:
+    """One decision from some of the same parts, made part by part; what is None stays so.
+
+    Args:
+        function: makes a part from those of all decisions.
+        decisions: one or more.
+    """
+
+    def joined(arrays: Sequence[Floats | None]) -> Floats | None:
+        values = [array for array in arrays if array is not None]
+        return function(values) if values else None
+
+    power, *more = (joined(arrays) for arrays in zip(*decisions, strict=True))
+    assert power is not None  # every decision has it
+    return Decision(power, *more)

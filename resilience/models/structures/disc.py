@@ -39,7 +39,7 @@ class Disc(SecondOrder):
     def violation(self, args: Sequence[Floats], limits: Sequence[Floats]) -> Floats:
         """See the module's docstring."""
         (radius,) = limits
-        length = np.sqrt(sum((x**2 for x in args), np.zeros(len(radius))))
+        length = np.sqrt(sum(np.square(args)))
         return np.maximum(length - radius, 0.0) / (1.0 + radius)
 
     def second_order(

@@ -16,6 +16,7 @@ from resilience.errors import CertificateError, UsageError
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
+from resilience.models.simulator import Decision
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.observation import Rationed
 from resilience.simulation.simulate import simulate
@@ -86,7 +87,7 @@ def test_the_bound_is_the_optimum_and_its_decisions_reach_it(physics: Physics) -
     bound = clairvoyant(here)
     plan = rs.solve(scarce(), "lp", physics="copperplate")
     assert bound.objective[0] == pytest.approx(plan.objective, rel=1e-7)
-    done = simulate(here, Replay("clairvoyant", bound.charging, bound.burner_mw))
+    done = simulate(here, Replay("clairvoyant", bound.decision))
     np.testing.assert_allclose(done.objective(0.5), bound.objective, rtol=1e-7)
     assert done.fuel is not None
     levels = rs.solve(scarce(), "lp", physics="copperplate").tables["fuel"]["tank1"]
@@ -110,7 +111,7 @@ def test_a_plan_whose_units_share_in_merit_order_is_simulated_alike() -> None:
     charging = -power["ess1"][None, :, None]
     burners = np.array([power[f"generator{k}"] for k in (1, 2, 3)])[:, :, None]
     here = world().with_scenarios(np.array([0]))
-    done = simulate(here, Replay("plan", charging, burners))
+    done = simulate(here, Replay("plan", Decision(charging, burners)))
     assert done.cost.sum() == pytest.approx(plan.operating_cost, rel=1e-6)
     np.testing.assert_allclose(done.energy[:, 1:, 0], plan.tables["energy"].values, atol=1e-6)
     assert done.fuel is not None

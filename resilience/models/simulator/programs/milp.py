@@ -34,7 +34,6 @@ from resilience.models.components import Generators, in_roles
 from resilience.models.language.stage import Block, Stage
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid
-from resilience.models.program.referee import tightened
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
 from resilience.models.simulator.arrays import array_ops
@@ -44,6 +43,7 @@ from resilience.models.simulator.plant import LEVEL, SPILLED, STATE, Plant
 from resilience.models.simulator.programs.network import INTAKE_WORTH, ORDER_WORTH
 from resilience.models.simulator.refusals import refuse_endless
 from resilience.models.simulator.simulator import Step
+from resilience.models.structures import Largest
 from resilience.models.structures.base import Mode
 
 MOVE_WORTH = 1e-3  # of moving a line that nobody asked to move, in units of the largest price
@@ -99,6 +99,19 @@ class MilpSimulator(Plant):
         self._read_decisions()
         self.standard = unroll([form.stage], Tree.chain(["now"]))
         self.table = self.standard.copies[0].columns[0]
+        # In the order of their declaration: none depends on a later one.
+        self._maxima = [
+            (
+                y.indices,
+                y.data[:, None],
+                [
+                    (matrix.toarray(), arg.const[:, None])
+                    for matrix, arg in zip(xs, structure.args[1:], strict=True)
+                ],
+            )
+            for structure, (y, *xs) in form.structures
+            if isinstance(structure, Largest)
+        ]
         solver = Highs(lower(self.standard, integer="none", modes={}), duals=False)
         modes = list(self.standard.structures_of(Mode).values())
         self.search = Branching(solver, np.flatnonzero(self.standard.integer), modes)
@@ -166,7 +179,7 @@ class MilpSimulator(Plant):
         )
         slot = _SlotVectors.build(self, self._start(energy, fuel, states), decision, data)
         points = [self._member(slot, k, decision, request) for k in range(batch)]
-        z = np.array(points).reshape(batch, len(self.table)).T
+        z = self._tight(np.array(points).reshape(batch, len(self.table)).T)
         charge, discharge = (
             np.clip(z[columns], 0.0, limit)
             for columns, limit in zip(self.stored, request, strict=True)
@@ -286,11 +299,19 @@ class MilpSimulator(Plant):
         return replace(vectors, cost=cost, upper=upper)
 
     def _tidy(self, z: Floats, vectors: Vectors) -> Floats:
-        """(columns of the form,) integers whole, every bound held, every maximum tight."""
+        """(columns of the form,) integers whole and every bound held."""
         z = np.clip(z, vectors.lower, vectors.upper)
         integers = self.search.integers
         z[integers] = np.round(z[integers])
-        return tightened(self.standard, z)[self.table]
+        return z[self.table]
+
+    def _tight(self, z: Floats) -> Floats:
+        """The points (columns of the form, batch) with every maximum tight."""
+        z = np.ascontiguousarray(z)
+        for columns, scale, expressions in self._maxima:
+            largest = np.max([matrix @ z + const for matrix, const in expressions], axis=0)
+            z[columns] = largest / scale + 0.0  # no -0
+        return z
 
 
 @dataclass
