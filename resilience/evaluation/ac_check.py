@@ -173,15 +173,23 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
     }
     total = sum(power.values(), np.zeros((case.slots, n)))
     spill = np.zeros_like(total) if trajectory.spill is None else trajectory.spill
+    closed, running = (
+        _closed(world, trajectory),
+        {
+            name: trajectory.decided("generator.on")[k]
+            for k, name in enumerate(trajectory.names_decided("generator.on"))
+        },
+    )
     alone = reactive_alone(case, device_fleets(case).values())
     size = max(MEMBERS // max(n, 1), 1)
     parts = []
     for first in range(0, case.slots, size):
         slots = slice(first, first + size)
         some = {name: values[slots].ravel() for name, values in power.items()}
-        up = world.line_up[:, slots].reshape(len(world.line_up), -1)
+        shut = closed[:, slots].reshape(len(closed), -1)
+        runs = {name: on[slots].ravel() for name, on in running.items()}
         energy = trajectory.energy[:, :-1][:, slots].reshape(len(trajectory.energy), -1)
-        parts.append(carry(case, some, up, energy, np.repeat(alone[:, slots], n, axis=1)))
+        parts.append(carry(case, some, shut, energy, np.repeat(alone[:, slots], n, axis=1), runs))
     arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
     return TrajectoryACCheck(
         members=Carried(**arrays),
@@ -192,6 +200,15 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
         step_h=case.step_h,
         cpu_seconds=time.process_time() - began,
     )
+
+
+def _closed(world: World, trajectory: Trajectory) -> Bools:
+    """(lines of the case, slots, scenarios) where a line carries power."""
+    network = world.microgrid.case.network
+    closed = world.line_up & network.in_service[:, None, None]
+    switched = [network.line(name) for name in trajectory.names_decided("line.closed")]
+    closed[switched] = trajectory.decided("line.closed") > 0.5
+    return closed
 
 
 def _extreme(values: Floats, choose: Callable[[Floats], Any]) -> float:

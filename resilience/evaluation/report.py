@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.dispatch.registry import REFERENCE
+from resilience.evaluation.clairvoyant import relaxes_integers
 from resilience.evaluation.columns import row
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
@@ -33,6 +34,10 @@ RECOURSE_WARNING = (
     "islands are closed by the paper's equations, those of the bound for least cost: gaps hold the "
     "difference, and say nothing of whether the case can tell methods apart"
 )
+RELAXED_WARNING = (
+    "the bound lets units run and lines close by shares: it is proven, but perhaps nobody reaches "
+    "it, so that a part of every gap may be no lack of skill"
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Report(Judged):
         warnings = [RESET_WARNING] if self.world.reset_daily else []
         if self.world.recourse == "paper":
             warnings.append(RECOURSE_WARNING)
+        if relaxes_integers(self.world):
+            warnings.append(RELAXED_WARNING)
         if self.triviality.trivial:
             warnings.append(
                 "a battery kept full is within 1 % of the bound: the case cannot rank methods"
@@ -70,6 +77,7 @@ class Report(Judged):
             *centre,
             *((f"believed: {self.belief}",) if self.belief else ()),
             *(() if self.world.recourse == "economic" else ("the paper's recourse",)),
+            *(("bound: commitment and switches relaxed",) if relaxes_integers(self.world) else ()),
         )
 
     @property

@@ -49,9 +49,10 @@ class Carried:
 def carry(
     case: Case,
     power: Mapping[str, Floats],
-    line_up: Bools,
+    closed: Bools,
     energy: Floats,
     alone: Floats | float = 0.0,
+    running: Mapping[str, Floats] | None = None,
 ) -> Carried:
     """Solves any number of members at once, islands included.
 
@@ -60,14 +61,14 @@ def carry(
     Args:
         case: network and devices.
         power: MW fed in by every device, (members,) by its name; loads are negative.
-        line_up: (lines of the case, members) False where a line has failed.
+        closed: (lines of the case, members) where a line carries power.
         energy: (units, members) MWh in storage as the slot begins.
         alone: (buses, members) Mvar fed in by devices without active power.
+        running: (members,) 1 where a unit with commitment runs, by its name.
     """
-    closed = line_up & case.network.in_service[:, None]
     fleets = list(device_fleets(case).values())
     units = forming_units(fleets)
-    forms = forming_then(fleets, units, energy)
+    forms = forming_then(fleets, units, energy, running)
     chosen = carriers(case, units, connected(case, closed), forms)
     root = at_buses(case, units.bus, chosen) > 0
     p, q = injections(case, fleets, power, closed.shape[1])

@@ -107,6 +107,12 @@ class Trajectory:
         nothing = np.empty((0, *self.cost.shape))
         return nothing if self.decisions is None else self.decisions[rows]
 
+    def names_decided(self, name: str) -> tuple[str, ...]:
+        """The devices of `decided`."""
+        prefix = name + "["
+        columns = self.decision_columns
+        return tuple(c.removeprefix(prefix)[:-1] for c in columns if c.startswith(prefix))
+
     def flow(self, kind: str) -> Floats:
         """(devices, slots, scenarios) the flows of one kind, as `load.shed`."""
         rows = [k for k, name in enumerate(self.columns) if name.startswith(kind + "[")]

@@ -14,6 +14,7 @@ from resilience.dispatch.sddp.lookahead import Lookahead, LookaheadRequest
 from resilience.dispatch.sddp.model import Cuts, NoiseOutcomes
 from resilience.dispatch.sddp.program import StageProgram
 from resilience.errors import UsageError
+from resilience.models.simulator import MilpSimulator
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import CASE, Setting
 
@@ -35,8 +36,8 @@ class Sddp:
         paths: sampled futures of the next hours; 0: the cuts alone.
 
     Raises:
-        UsageError: more than six lines can fail, there is no storage, or the case has a storm on a
-            track, whose hazard no day shares with another.
+        UsageError: more than six lines can fail, there is no storage, units are committed or lines
+            switched, or the case has a storm on a track, whose hazard no day shares with another.
     """
 
     def __init__(self, setting: Setting, book: Book | None = None, *, paths: int = PATHS) -> None:
@@ -46,6 +47,12 @@ class Sddp:
             raise UsageError(
                 f"sddp learns days that are alike, and case {case.name!r} has {once}",
                 hint="use the dispatcher `stochastic`",
+            )
+        if isinstance(setting.simulator, MilpSimulator):
+            raise UsageError(
+                "sddp carries stored energy and fuel alone; allowed: cases without commitment, "
+                "ramps, curves and switchable lines",
+                hint="use the dispatcher `mpc` or `stochastic`",
             )
         if setting.believed != CASE:
             raise UsageError(
