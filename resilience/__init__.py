@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from resilience.plots.water import plot_water_values
     from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
+    from resilience.models.simulator.decision import Decision
     from resilience.simulation.observation import Dispatcher, Observation, Rationed
     from resilience.simulation.replay import replay
     from resilience.simulation.setting import Setting
@@ -68,6 +69,7 @@ __all__ = [
     "CaseError",
     "CertificateError",
     "Comparison",
+    "Decision",
     "Dispatcher",
     "FileError",
     "ForecastError",

@@ -57,9 +57,10 @@ class BatchEnv:
         setting = sampler.setting
         if not isinstance(setting.simulator, Simulator):
             raise UsageError(
-                "learners train at copperplate without line ratings, not "
-                f"{setting.microgrid.physics}",
-                hint="AC power flow certifies what they do afterwards",
+                "learners train at copperplate without line ratings, commitment, ramps, curves and "
+                f"switchable lines; case {setting.case.name!r} at {setting.microgrid.physics} is "
+                f"stepped by {type(setting.simulator).__name__}",
+                hint="`rule`, `mpc` and `stochastic` act in such a case",
             )
         if setting.simulator.tanks:
             names = ", ".join(setting.simulator.tanks)
