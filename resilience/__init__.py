@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from resilience.evaluation.survival import Survival, survive
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
+    from resilience.models.simulator.decision import Decision
     from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from resilience.plots.water import plot_water_values
     from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
-    from resilience.models.simulator.decision import Decision
     from resilience.simulation.observation import Dispatcher, Observation, Rationed
     from resilience.simulation.replay import replay
     from resilience.simulation.setting import Setting

@@ -28,6 +28,7 @@ from resilience.models.backends.lower import lower
 from resilience.models.case_program import terminal_cuts
 from resilience.models.language.tree import Tree
 from resilience.models.program.unroll import unroll
+from resilience.models.simulator import MilpSimulator
 from resilience.simulation.observation import Action, Observation, Rationed
 from resilience.simulation.setting import CASE, Setting
 
@@ -174,6 +175,8 @@ def beyond_comb(setting: Setting) -> str:
         return f"case {setting.case.name!r} has no [blackout]"
     if setting.believed != CASE:
         return "operators believe in other scenarios"
+    if isinstance(setting.simulator, MilpSimulator):
+        return "units are committed or ramped, costs curved, or lines switched"
     if setting.error_correlation is not None:
         return "load and PV are not as forecast"
     if setting.microgrid.physics != "copperplate" or setting.reset_daily:

@@ -57,11 +57,6 @@ class Bound:
         """(units, slots, scenarios) MW."""
         return self.decision.power
 
-    @property
-    def burner_mw(self) -> Floats | None:
-        """(burners, slots, scenarios) MW of generators with a tank; None without tanks."""
-        return self.decision.burner_mw
-
 
 def clairvoyant(world: World) -> Bound:
     """The optimum of every scenario over the whole horizon, everything known in advance.

@@ -56,7 +56,7 @@ def test_no_policy_pays_on_average_whatever_the_slopes(scale: float) -> None:
         paid = program.paid(slopes, done(judged, name))
         assert abs(judged.scenarios.probability @ paid) < 1e-9 * (1.0 + scale), name
     known = clairvoyant(judged)
-    foreseen = simulate(judged, Replay("clairvoyant", known.charging, known.burner_mw))
+    foreseen = simulate(judged, Replay("clairvoyant", known.decision))
     paid = program.paid(slopes, foreseen)
     assert scale == 0.0 or abs(judged.scenarios.probability @ paid) > 1e-3
 
