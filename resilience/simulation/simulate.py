@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from resilience.models.simulator import MilpSimulator
 from resilience.simulation.audit import check_trajectory
 from resilience.simulation.observation import Dispatcher, Observation, parts_of
 from resilience.simulation.stepping import stepped
@@ -29,6 +30,8 @@ def simulate(
         CertificateError: what was simulated breaks a limit, a balance or its price.
     """
     case, simulator, n = world.microgrid.case, world.simulator, world.scenarios.n
+    if isinstance(simulator, MilpSimulator):
+        simulator.restart()
     energy = start = world.start()
     fuel = start_fuel = world.setting.start_fuel()
     states = start_states = world.setting.start_states()

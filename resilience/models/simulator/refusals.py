@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 STATES = ("ess.energy", "tank.level")
 BLOCKS = ("load.on",)
 CURVES = ("tank.burn",)
-CHOICES = ("load.on", "generator.on", "line.closed")
 STEPPED: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Largest})
 """Structures that a step holds."""
 
@@ -62,11 +61,12 @@ def needs_milp(microgrid: Microgrid, dt: float, *, blocks: bool) -> bool:
         blocks: whether blocks are stepped without.
     """
     stage = microgrid.stage(dt, energy_known=True)
-    names = {block.name for block in stage.variables if block.n}
-    states = {after.name for _, after in stage.states if after.n}
-    choices = names & set(CHOICES) - (set(BLOCKS) if blocks else set())
-    curves = names & set(CURVES) or any(type(s) not in STEPPED for s in stage.structures)
-    return bool(choices or states - set(STATES) or curves)
+    columns = zip(stage.variables, stage.integer, strict=True)
+    there = [(block.name, is_integer) for block, is_integer in columns if block.n]
+    choices = {name for name, is_integer in there if is_integer} - set(BLOCKS if blocks else ())
+    states = {after.name for _, after in stage.states if after.n} - set(STATES)
+    curves = {name for name, _ in there} & set(CURVES)
+    return bool(choices | states | curves) or any(type(s) not in STEPPED for s in stage.structures)
 
 
 def refuse_endless(microgrid: Microgrid) -> None:

@@ -212,6 +212,17 @@ def test_whatever_is_decided_every_slot_has_an_outcome(seed: int, ties: bool) ->
                 assert not has_loop([(1, 2), (2, 3), (3, 1)], of_slot)
 
 
+def test_an_episode_depends_on_none_before() -> None:
+    """Among equal costs a basis chooses: it must not come from whoever was simulated before."""
+    here = world(ties=True)
+    first = simulate(here, factory_of("rule-0.9")(here.setting))
+    simulate(here, Anything(here.setting, 7))
+    again = simulate(here, factory_of("rule-0.9")(here.setting))
+    assert first.decisions is not None
+    assert again.decisions is not None
+    assert_allclose(again.decisions, first.decisions, rtol=0, atol=0)
+
+
 def test_days_begin_anew_where_they_are_reset() -> None:
     case = small_case(
         slots=8, start=feeder().start.replace(hour=20), profiles={"load": [1.0] * 8},

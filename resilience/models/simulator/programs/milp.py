@@ -7,8 +7,8 @@ ramps, what a dark island can do, radiality. Recourse is the cheapest point that
 there is none, the decision is followed as far as can be:
 
 - the power of ramped units is set free first;
-- then following a commitment or a switch is worth more than any MW, taking power that must be taken
-  more than a MW of the storage order, and that more than any price, as in `NetworkSimulator`.
+- then a commitment or a switch that is followed, and a MW that is not spilled, are worth more than
+  a MW of the storage order, and that more than any price, as in `NetworkSimulator`.
 
 Every state has an outcome, since load can be shed, charging cut back, and power that must be given
 spilled. What is not decided is chosen by its cost in the slot: units as integers of that program;
@@ -112,6 +112,13 @@ class MilpSimulator(Plant):
             for structure, (y, *xs) in form.structures
             if isinstance(structure, Largest)
         ]
+        self.restart()
+
+    def restart(self) -> None:
+        """Forgets every basis, so that what comes depends on no step before.
+
+        Among decisions of equal cost the basis chooses, and what is chosen is carried on.
+        """
         solver = Highs(lower(self.standard, integer="none", modes={}), duals=False)
         modes = list(self.standard.structures_of(Mode).values())
         self.search = Branching(solver, np.flatnonzero(self.standard.integer), modes)
