@@ -147,7 +147,8 @@ def _outages(
             hint='outages=["6-26@14:00-17:30"]',
         )
     for outage in outages:
-        new.network.line(outage.line)
+        if outage.line not in new.units:
+            new.network.line(outage.line)
         if not 0 <= outage.first < outage.stop <= new.slots:
             span = f"outage of {outage.line} in slots {outage.first} to {outage.stop}"
             raise UsageError(span, f"0 <= first < stop <= {new.slots}")

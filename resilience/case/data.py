@@ -27,6 +27,7 @@ from resilience.case.schema import (
     PVTable,
     StormTable,
     TankTable,
+    UnitTable,
 )
 from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean
@@ -36,12 +37,12 @@ AnyDevice = TypeVar("AnyDevice", bound=DeviceTable)
 
 @dataclass(frozen=True)
 class Outage:
-    """One line that is down; a slot that an outage touches at all counts as down.
+    """One line, or unit, that is down; a slot that an outage touches at all counts as down.
 
     Attributes:
-        line: name of the line.
+        line: name of the line, or of the unit.
         first: first slot in which it is down.
-        stop: first slot after it in which the line is back.
+        stop: first slot after it in which it is back.
     """
 
     line: str
@@ -137,6 +138,36 @@ class Case:
         """
         every = (device for tables in self.devices.values() for device in tables)
         return tuple(device for device in every if isinstance(device, table))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Names of all devices that may be out of order, as lines may be."""
+        return tuple(device.name for device in self.tables_of(UnitTable))
+
+    @property
+    def fallible_units(self) -> tuple[str, ...]:
+        """Names of the units that say how they fail, or that an outage hits."""
+        lines, hit = set(self.network.line_names), {outage.line for outage in self.outages}
+        return tuple(
+            unit.name
+            for unit in self.tables_of(UnitTable)
+            if (unit.can_fail or unit.name in hit) and unit.name not in lines
+        )
+
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Names of whatever has a status, up or down: lines of the network, then such units."""
+        return (*self.network.line_names, *self.fallible_units)
+
+    def element(self, name: str) -> int:
+        """Position of a line or unit in `elements`.
+
+        Raises:
+            UsageError: there is no such line, or unit that can be out.
+        """
+        if name in self.fallible_units:
+            return len(self.network.line_names) + self.fallible_units.index(name)
+        return self.network.line(name)
 
     @property
     def file_name(self) -> str:

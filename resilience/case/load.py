@@ -38,6 +38,7 @@ from resilience.case.schema import (
     StormTable,
     TankTable,
     TimeTable,
+    UnitTable,
     case_table,
     defaults_table,
 )
@@ -286,6 +287,7 @@ def _read_outages(parts: Parts, head: HeadTable) -> tuple[Outage, ...]:
     file = document.file_of("outages")
     specs, mistakes = split_specs(head.outages, file, "outages")
     network = parts.network if parts.inline.complete else None
-    outages, more = place_outages(specs, file, network, parts.window)
+    units = [str(table.name) for _, table, _ in parts.all_devices() if isinstance(table, UnitTable)]
+    outages, more = place_outages(specs, file, network, parts.window, units)
     document.mistakes += [*mistakes, *more]
     return outages

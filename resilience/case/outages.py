@@ -1,5 +1,7 @@
 """Outages as text: `6-26@14:00-17:30`, a CSV file with the columns line, start, stop, or none.
 
+A unit may stand in place of a line: `gen3@14:00-17:30`. A name that is both is the line's.
+
 A time is `14:30` (its first occurrence in the horizon), `d2 14:30` (on the horizon's second
 calendar day) or a full date and time. `24:00` is midnight at the end of a day.
 """
@@ -7,7 +9,7 @@ calendar day) or a full date and time. `24:00` is midnight at the end of a day.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, time, timedelta
 from pathlib import Path
@@ -16,7 +18,7 @@ from typing import Protocol
 from resilience.case.data import Outage
 from resilience.case.networks.network import Network
 from resilience.case.window import Window
-from resilience.errors import CaseError, Mistake, shortened
+from resilience.errors import CaseError, Mistake, did_you_mean, shortened
 from resilience.inputs import read_table
 
 _TIME = r"(?:\d{4}-\d\d-\d\d[T ]|d\d+ )?\d{1,2}:\d\d(?::\d\d)?"
@@ -24,14 +26,19 @@ _TIMES = re.compile(rf"(?P<start>{_TIME})\s*-\s*(?P<stop>{_TIME})", re.ASCII)
 _CLOCK = re.compile(r"(?:d(?P<day>\d{1,9}) )?(?P<h>\d{1,2}):(?P<m>\d\d)(?::(?P<s>\d\d))?", re.ASCII)
 _COLUMNS = ("line", "start", "stop")
 _FORM = "LINE@START-STOP, as in 6-26@14:00-17:30"
+LINE_OR_UNIT = "a line of the network, or a unit"
 
 
 class HasHorizon(Protocol):
-    """Anything with a network and a horizon; a `Case` is one."""
+    """Anything with a network, units and a horizon; a `Case` is one."""
 
     @property
     def network(self) -> Network:
         """The network whose lines go out."""
+
+    @property
+    def units(self) -> Collection[str]:
+        """Names of the devices that may be out of order, too."""
 
     @property
     def window(self) -> Window:
@@ -45,7 +52,7 @@ class WrittenOutage:
     Attributes:
         where: it stands: `outages #2`, `row 3`.
         text: all of it.
-        line: name of the line.
+        line: name of the line, or of the unit.
         start: time at which it begins.
         stop: time at which it ends.
     """
@@ -81,7 +88,7 @@ def parse_outages(text: str | Path | Sequence[str], case: HasHorizon) -> tuple[O
     else:
         specs, mistakes = split_specs(re.split(r"[,;]", text), "outages", "outages")
         file = "outages"
-    outages, more = place_outages(specs, file, case.network, case.window)
+    outages, more = place_outages(specs, file, case.network, case.window, case.units)
     if mistakes or more:
         raise CaseError([*mistakes, *more])
     return outages
@@ -121,7 +128,11 @@ def _read_csv(path: Path) -> tuple[list[WrittenOutage], list[Mistake]]:
 
 
 def place_outages(
-    specs: Iterable[WrittenOutage], file: str, network: Network | None, window: Window | None
+    specs: Iterable[WrittenOutage],
+    file: str,
+    network: Network | None,
+    window: Window | None,
+    units: Collection[str] = (),
 ) -> tuple[tuple[Outage, ...], list[Mistake]]:
     """Written outages as slots, and mistakes: what cannot be placed and why.
 
@@ -129,8 +140,9 @@ def place_outages(
     """
     outages, mistakes = [], []
     for spec in specs:
-        if network is not None and not network.has_line(spec.line):
-            allowed, hint = "a line of the network", network.line_hint(spec.line)
+        is_unit = spec.line in units
+        if network is not None and not (is_unit or network.has_line(spec.line)):
+            allowed, hint = LINE_OR_UNIT, element_hint(spec.line, network, units)
             value = shortened(repr(spec.line))
             mistakes.append(Mistake(file, spec.where, "line", value, allowed, hint))
         if window is None:
@@ -144,6 +156,12 @@ def place_outages(
         else:
             outages.append(Outage(spec.line, first, stop))
     return tuple(outages), mistakes
+
+
+def element_hint(name: str, network: Network, units: Collection[str]) -> str:
+    """What to write instead of a name that is neither a line's nor a unit's."""
+    close = did_you_mean(name, units)
+    return close if close.startswith("did you mean") else network.line_hint(name)
 
 
 def _slots(spec: WrittenOutage, window: Window) -> tuple[int, int]:

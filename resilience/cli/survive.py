@@ -29,6 +29,7 @@ def survive(
     every_h: Annotated[
         float, typer.Option("--every-h", help="Hours from one start to the next.")
     ] = 1.0,
+    seed: Annotated[int, typer.Option(help="Of the failures of units.", min=0)] = 0,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .pdf or .svg.")] = None,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
@@ -40,7 +41,7 @@ def survive(
     if plot is not None:
         check_picture(plot)
     with terminal.progress(verbose):
-        survival = rs.survive(case, _hours(durations), method=method, every_h=every_h)
+        survival = rs.survive(case, _hours(durations), method=method, every_h=every_h, seed=seed)
     terminal.show(partial(_print, survival, as_json))
     terminal.write(
         terminal.Output("picture", plot, partial(rs.plot_survival, survival)), quiet=as_json

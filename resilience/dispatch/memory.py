@@ -1,4 +1,4 @@
-"""What an operator remembers of the lines: since when each is down, and which failed today."""
+"""What an operator remembers of lines and units: since when each is down, which failed today."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Memory:
         overnight: outages run on past midnight; otherwise what is down then has failed anew.
 
     Attributes:
-        lines: position in the case's network of every line that can fail.
+        lines: position among the case's elements of every line and unit that can fail.
         window: horizon of the case.
         since: (lines, scenarios) slot of the horizon in which a line that is down failed, -1 where
             it is up.
@@ -32,7 +32,7 @@ class Memory:
 
     def __init__(self, setting: Setting, *, daily: bool = True, overnight: bool = True) -> None:
         case, self.daily, self.overnight = setting.case, daily, overnight
-        self.lines = [case.network.line(name) for name in setting.lines]
+        self.lines = [case.element(name) for name in setting.lines]
         self.window, self.numbers = case.window, setting.numbers
         shape = (len(self.lines), setting.n)
         self.since = np.full(shape, -1)

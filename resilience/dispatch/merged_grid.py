@@ -81,7 +81,7 @@ def merged_grid(case: Case) -> MergedGrid:
     for kind, fleet in microgrid.fleets.items():
         groups: dict[Hashable, list[Any]] = {}
         for bus, table in zip(fleet.bus, fleet.tables, strict=True):
-            key = fleet.merge_key(table)
+            key = None if table.name in fleet.fallible else fleet.merge_key(table)
             groups.setdefault((bus, table.name if key is None else key), []).append(table)
         devices[kind] = tuple(_merged(tables, mixed) for tables in groups.values())
         for joined, tables in zip(devices[kind], groups.values(), strict=True):

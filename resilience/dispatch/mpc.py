@@ -144,6 +144,7 @@ class MPC:
         cut_off = reserve.cut_off(chance)
         price = self.price * np.add.reduceat(cut_off, steps.starts, axis=1)
         slots = steps.horizon + self.longest - 1
-        lack = reserve.lack(observation.forecast_of(k), t + 1, slots)
+        forecast, up = observation.forecast_of(k), observation.line_up[:, k]
+        lack = reserve.lack(forecast, t + 1, slots, up)
         level = reserve.level(lack, self.longest)
         return level[:, steps.starts + steps.width - 1], price

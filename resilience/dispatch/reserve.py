@@ -25,12 +25,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.case.checks.reserve import reserve_price_range
 from resilience.models.components import in_roles
 from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
-from resilience.models.network.situation import Situation
 from resilience.simulation.observation import Forecast
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ class Reserve:
 
     Attributes:
         microgrid: at copperplate.
-        lines: names of the lines that may fail, in the order of probabilities of that.
+        lines: names of the lines and units that may fail, in the order of probabilities of that.
     """
 
     microgrid: Microgrid
@@ -82,22 +81,20 @@ class Reserve:
     def cut_off_by(self) -> np.ndarray:
         """(buses with storage, lines) lines whose failure alone parts the bus from every grid.
 
-        A bus that no single line can part depends on all of them.
+        A bus that no single line can part depends on all of them. A connection to the grid that is
+        out counts as a line, any other unit parts nothing.
         """
-        microgrid, network = self.microgrid, self.microgrid.network
-        names = network.line_names
-        up = np.ones((len(names), len(self.lines)), bool)
-        for k, line in enumerate(self.lines):
-            if line in names:
-                up[names.index(line), k] = False
-        ends = np.stack([network.from_bus, network.to_bus])
-        island = Situation(
-            microgrid.case.profile, names, ends, up, microgrid.forming, len(self.lines)
-        ).island
-        grids = in_roles(microgrid.fleets.values(), "exchange")
-        sources = np.concatenate([np.empty(0, np.intp), *(fleet.bus for fleet in grids)])
-        apart = np.all(island[self.buses][:, None] != island[sources][None], axis=1)
-        apart[~apart.any(axis=1)] = True
+        microgrid, case = self.microgrid, self.microgrid.case
+        up = np.ones((len(case.elements), len(self.lines)), bool)
+        up[[case.element(name) for name in self.lines], np.arange(len(self.lines))] = False
+        situation = microgrid.situation(up, lambda _: np.ones(len(self.lines)))
+        island, apart = situation.island, np.ones((len(self.buses), len(self.lines)), bool)
+        for fleet in in_roles(microgrid.fleets.values(), "exchange"):
+            joined = island[self.buses][:, None] == island[fleet.bus][None]
+            apart &= ~(joined & situation.works(fleet.names)[None]).any(axis=1)
+        is_line = np.array([case.network.has_line(name) for name in self.lines], bool)
+        parts = is_line | apart.any(axis=0)
+        apart[~apart.any(axis=1)] = parts
         return np.asarray(apart)
 
     def cut_off(self, chance: Floats) -> Floats:
@@ -105,28 +102,44 @@ class Reserve:
         stays = np.log1p(-np.minimum(chance, 1.0 - 1e-12))
         return -np.expm1(self.cut_off_by @ stays)
 
-    def lack(self, forecast: Forecast, start: int, slots: int) -> Floats:
+    def lack(
+        self, forecast: Forecast, start: int, slots: int, line_up: Bools | None = None
+    ) -> Floats:
         """(buses with storage, slots) MW that loads want beyond PV and generators.
 
         From slot `start` on; beyond the horizon its last slot is repeated.
+
+        Args:
+            forecast: of load and PV.
+            start: the first slot.
+            slots: how many.
+            line_up: (elements of the case,) what is in order: generators that are not give nothing;
+                all are if omitted.
         """
         ahead = np.minimum(start + np.arange(slots), self.microgrid.case.slots - 1)
-        names, peak, generators = self._net_demand
+        names, peak = self._net_demand
         values = np.array([forecast(name, ahead) for name in names]).reshape(len(names), slots)
-        return peak @ values - generators[:, None]
+        return peak @ values - self._generators_mw(line_up)[:, None]
 
     @cached_property
-    def _net_demand(self) -> tuple[tuple[str | None, ...], Floats, Floats]:
-        """Profiles, MW of load less PV following each at every bus, MW of generators there."""
+    def _net_demand(self) -> tuple[tuple[str | None, ...], Floats]:
+        """Profiles, and MW of load less PV following each at every bus."""
         fleets, n = self.microgrid.fleets.values(), len(self.microgrid.network.bus_names)
         names = tuple(dict.fromkeys(name for fleet in fleets for name, _ in fleet.expected()))
-        peak, generators = np.zeros((n, len(names))), np.zeros(n)
+        peak = np.zeros((n, len(names)))
         for fleet in fleets:
             for bus, (name, fed_mw) in zip(fleet.bus, fleet.expected(), strict=False):
                 peak[bus, names.index(name)] -= fed_mw
-        for fleet in in_roles(fleets, "dispatchable"):
-            np.add.at(generators, fleet.bus, fleet.power_range()[1])
-        return names, peak[self.buses], generators[self.buses]
+        return names, peak[self.buses]
+
+    def _generators_mw(self, line_up: Bools | None) -> Floats:
+        """(buses with storage,) MW of the generators there that are in order."""
+        case, total = self.microgrid.case, np.zeros(len(self.microgrid.network.bus_names))
+        works = {} if line_up is None else dict(zip(case.elements, line_up, strict=True))
+        for fleet in in_roles(self.microgrid.fleets.values(), "dispatchable"):
+            in_order = np.array([not fleet.fallible or works.get(n, True) for n in fleet.names])
+            np.add.at(total, fleet.bus, fleet.power_range()[1] * in_order)
+        return total[self.buses]
 
     def level(self, lack: Floats, longest: int) -> Floats:
         """(buses, slots) MWh wanted where an outage of `longest` slots may begin, floor included.

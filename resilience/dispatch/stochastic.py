@@ -116,7 +116,7 @@ class Stochastic:
         return self.errors.ahead(int(self.setting.numbers[k]), t, self.steps.horizon)
 
     def _paths(self, observation: Observation, k: int) -> tuple[Bools, Floats]:
-        """(lines of the case, steps, paths) status and (paths,) probability of different paths.
+        """(elements of the case, steps, paths) status and (paths,) probability of different paths.
 
         Their number is one that a program is kept for: the last one may stand there more than once.
         """

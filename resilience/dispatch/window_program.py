@@ -154,7 +154,7 @@ class WindowRequest:
     Attributes:
         t: slot of the horizon.
         energy: (units,) stored energy, MWh.
-        up: (lines of the case, steps, paths) line status; the first step is the same in all paths.
+        up: (elements of the case, steps, paths) status; the first step is the same in all paths.
         probability: (paths,) of every path.
         forecast: of profiles, by name and slots.
         value: (units,) $ per MWh left at the end of the steps.

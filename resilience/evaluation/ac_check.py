@@ -173,13 +173,7 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
     }
     total = sum(power.values(), np.zeros((case.slots, n)))
     spill = np.zeros_like(total) if trajectory.spill is None else trajectory.spill
-    closed, running = (
-        _closed(world, trajectory),
-        {
-            name: trajectory.decided("generator.on")[k]
-            for k, name in enumerate(trajectory.names_decided("generator.on"))
-        },
-    )
+    closed, running = _closed(world, trajectory), _running(world, trajectory)
     alone = reactive_alone(case, device_fleets(case).values())
     size = max(MEMBERS // max(n, 1), 1)
     parts = []
@@ -202,10 +196,23 @@ def ac_check_trajectory(world: World, trajectory: Trajectory) -> TrajectoryACChe
     )
 
 
+def _running(world: World, trajectory: Trajectory) -> dict[str, Floats]:
+    """By name, (slots, scenarios) 1 where a unit with commitment runs, and where it is in order."""
+    case = world.microgrid.case
+    running = {
+        name: trajectory.decided("generator.on")[k]
+        for k, name in enumerate(trajectory.names_decided("generator.on"))
+    }
+    in_order = world.line_up[len(case.network.line_names) :]
+    for name, up in zip(case.fallible_units, in_order, strict=True):
+        running[name] = running.get(name, 1.0) * up
+    return running
+
+
 def _closed(world: World, trajectory: Trajectory) -> Bools:
     """(lines of the case, slots, scenarios) where a line carries power."""
     network = world.microgrid.case.network
-    closed = world.line_up & network.in_service[:, None, None]
+    closed = world.line_up[: len(network.line_names)] & network.in_service[:, None, None]
     switched = [network.line(name) for name in trajectory.names_decided("line.closed")]
     closed[switched] = trajectory.decided("line.closed") > 0.5
     return closed

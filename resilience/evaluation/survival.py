@@ -30,6 +30,7 @@ from resilience.dispatch.registry import REFERENCE, Factory, factory_of
 from resilience.errors import UsageError
 from resilience.evaluation.measures.metrics import time_to_first_shed
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.units import with_units
 from resilience.models.microgrid import Microgrid
 from resilience.progress import meter
 from resilience.simulation.observation import Forecast, Observation, parts_of
@@ -145,6 +146,7 @@ def survive(
     *,
     method: str = REFERENCE,
     every_h: float = 1.0,
+    seed: int = 0,
 ) -> Survival:
     """How long loads last without the main grid, from every hour of the profiles on.
 
@@ -153,6 +155,8 @@ def survive(
         durations_h: of the loss of the grid, hours.
         method: who dispatches, a name that `compare` knows.
         every_h: hours from one start to the next.
+        seed: of the failures of units, drawn anew for every start where the case says that they
+            fail: the shares are probabilities over starts and failures then.
 
     Raises:
         CaseError: the case has mistakes, or cannot do without a grid; all of them are listed.
@@ -175,7 +179,7 @@ def survive(
             chunk = slice(begin, begin + STARTS_AT_ONCE)
             n = len(first[chunk])
             calm = Scenarios((), np.zeros((0, slots, n), bool), np.full(n, 1.0 / n))
-            usual = World.build(microgrid, calm)
+            usual = World.build(microgrid, with_units(island, calm, seed + begin))
             world = _Starts(
                 **{k: v for k, v in vars(usual).items() if k in World.__dataclass_fields__},
                 first=first[chunk], values=values,

@@ -35,6 +35,7 @@ from resilience.fragility.outages.crews import case_repair
 from resilience.fragility.outages.repair import Repair
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, sample_storms
+from resilience.fragility.outages.units import with_units
 from resilience.fragility.tracks import Track, ensemble, interpolated, read_track, track_of
 from resilience.fragility.wind import Wind, wind
 from resilience.tolerances import SLOT_TOLERANCE
@@ -172,7 +173,7 @@ def storm_scenarios(
     Raises:
         CaseError, UsageError: as `storm`.
     """
-    return storm(case, track).scenarios(n, seed, shift)
+    return with_units(case, storm(case, track).scenarios(n, seed, shift), seed)
 
 
 def case_track(case: Case) -> Track:

@@ -17,6 +17,7 @@ from resilience.fragility.outages.bell import REFERENCE_SLOTS, Bell, BellSetting
 from resilience.fragility.outages.blackout import case_blackout
 from resilience.fragility.outages.breakpoints import breakpoints
 from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.units import with_units
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage
@@ -73,7 +74,8 @@ def sample_bell(case: Case, bell: Bell, n: int, seed: int, *, days: int | None =
         forecast_peaks[:, batch] = [day.forecast for day in drawn]
         paths = outage_paths(drawn, bell)[:, :, offset : offset + slots]
         down[:, :, batch] = paths.transpose(1, 2, 0)
-    return Scenarios(lines, down, np.full(n, 1.0 / n), forecast_peaks, seed, str(bell))
+    of_lines = Scenarios(lines, down, np.full(n, 1.0 / n), forecast_peaks, seed, str(bell))
+    return with_units(case, of_lines, seed)
 
 
 def check_calendar(case: Case) -> None:

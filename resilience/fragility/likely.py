@@ -109,6 +109,7 @@ def likely(case: Case, scenarios: Scenarios, limit: int = 10) -> Likely:
 
 def patterns_of(case: Case, scenarios: Scenarios) -> Patterns:
     """The different line states of all slots and scenarios, and the islands of each."""
+    scenarios = scenarios.restricted_to(case.network.line_names)
     down = scenarios.down.reshape(len(scenarios.lines), -1)
     _, first, number = np.unique(
         np.packbits(down, axis=0).T, axis=0, return_index=True, return_inverse=True

@@ -1,7 +1,8 @@
 """What a set of storms does to a feeder on average: the means that fewer storms must keep.
 
 Load at risk is the load behind every line that is down, over time; loads behind two of them count
-twice. The grid is lost where no load hangs on it at some time.
+twice, and so does what a unit gives that is out. The grid is lost where no load hangs on it at some
+time.
 """
 
 from __future__ import annotations
@@ -26,18 +27,20 @@ CHANCES = (ANY_LINE, GRID_LOST)
 def moments(case: Case, scenarios: Scenarios) -> dict[str, Floats]:
     """What every scenario does, by name, (scenarios,) each; expectations are the moments.
 
-    Load at risk in MWh; 1 where any line fails, where the grid is lost; and the hours that the bus
-    of each critical load is off the grid.
+    Load at risk in MWh; 1 where any line fails, where the grid is lost; the hours that each unit is
+    out; and those that the bus of each critical load is off the grid.
 
     Args:
         case: the case.
         scenarios: over its horizon.
     """
-    hours = scenarios.down.sum(axis=1) * case.step_h
+    hours, names = scenarios.down.sum(axis=1) * case.step_h, set(case.network.line_names)
     by_scenario = {
         AT_RISK: load_behind_mw(case, scenarios.lines) @ hours,
-        ANY_LINE: scenarios.down.any(axis=(0, 1)).astype(float),
+        ANY_LINE: scenarios.restricted_to(names).down.any(axis=(0, 1)).astype(float),
     }
+    units = (k for k, name in enumerate(scenarios.lines) if name not in names)
+    by_scenario |= {f"{scenarios.lines[k]} out, h": hours[k] for k in units}
     network, patterns = case.network, patterns_of(case, scenarios)
     loads = case.tables_of(LoadTable)
     buses = np.array([network.bus(load.bus) for load in loads], np.intp)

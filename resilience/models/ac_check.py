@@ -64,7 +64,8 @@ def carry(
         closed: (lines of the case, members) where a line carries power.
         energy: (units, members) MWh in storage as the slot begins.
         alone: (buses, members) Mvar fed in by devices without active power.
-        running: (members,) 1 where a unit with commitment runs, by its name.
+        running: (members,) 1 where a unit with commitment runs, or one that may fail is in order,
+            by its name.
     """
     fleets = list(device_fleets(case).values())
     units = forming_units(fleets)
@@ -216,7 +217,8 @@ def forming_then(
         fleets: all devices.
         units: those of them that can.
         energy: (storage units, members) MWh in storage as the slot begins.
-        running: (members,) 1 where a unit with commitment runs, by its name.
+        running: (members,) 1 where a unit with commitment runs, or one that may fail is in order,
+            by its name.
     """
     able = {name: on > 0.5 for name, on in (running or {}).items()}
     members = energy.shape[1]

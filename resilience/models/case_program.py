@@ -66,15 +66,15 @@ class CaseProgram:
 
 
 def status(case: Case) -> Bools:
-    """(lines, slots) False where one of the case's outages has a line down."""
-    up = np.ones((len(case.network.line_names), case.slots), bool)
+    """(elements of the case, slots) False where one of the case's outages has one down."""
+    up = np.ones((len(case.elements), case.slots), bool)
     for outage in case.outages:
-        up[case.network.line(outage.line), outage.first : outage.stop] = False
+        up[case.element(outage.line), outage.first : outage.stop] = False
     return up
 
 
 def line_up_before(line_up: Bools, tree: Tree) -> Bools:
-    """(lines, nodes) status of lines one slot before every node of a tree; all up at the start."""
+    """(elements, nodes) status one slot before every node of a tree; all up at the start."""
     return np.where(tree.parent >= 0, line_up[:, tree.parent], True)
 
 
@@ -142,13 +142,14 @@ def as_switched(program: CaseProgram, z: Floats) -> Situation:
 
 def _forming_now(program: CaseProgram, z: Floats) -> Bools:
     """(buses, nodes) whether a unit forms there: it runs or has energy, and z leaves it no dark."""
-    standard, nodes = program.standard, program.standard.tree.n
-    forming = np.zeros((len(program.situation.forming), nodes), bool)
+    standard, nodes, situation = program.standard, program.standard.tree.n, program.situation
+    forming = np.zeros((len(situation.forming), nodes), bool)
     for fleet in program.microgrid.fleets.values():
         forms = np.repeat(fleet.forming()[:, None], nodes, axis=1)
         if fleet.stored is not None:
             ends = np.column_stack([z[standard.columns(fleet.stored)], program.x0[fleet.stored]])
             forms &= fleet.has_energy(ends[:, standard.tree.parent])
+        forms &= situation.works(fleet.names)
         if fleet.running is not None and standard.has(fleet.running):
             committed = [fleet.names.index(name) for name in standard.labels(fleet.running)]
             forms[committed] &= z[standard.columns(fleet.running)] > 0.5

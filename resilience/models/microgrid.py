@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -25,7 +25,7 @@ from resilience.models.components import (
     Topology,
     bus_capacity,
     device_fleets,
-    forming_with_energy,
+    forming_now,
     in_roles,
 )
 from resilience.models.language.stage import Stage
@@ -129,14 +129,27 @@ class Microgrid:
         names = tuple(self.network.bus_names[k] for k in np.unique(cell, return_index=True)[1])
         sure = np.zeros(len(names), bool)
         for fleet in self.fleets.values():
-            sure[cell[fleet.bus[fleet.forms_surely()]]] = True
+            sure[cell[fleet.bus[fleet.forms_surely() & ~fleet.may_fail()]]] = True
         lines = next((wire for wire in self._wires if isinstance(wire, Lines)), None)
         energised = Energised(names, cell, sure, tuple(self.fleets.values()), lines)
         return energised if energised.is_decided else None
 
-    def forming_with(self, energy: Floats) -> Bools:
-        """(buses, nodes) `forming`, of storage only where `energy` (units, nodes), MWh, allows."""
-        return forming_with_energy(self.fleets.values(), len(self.forming), energy)
+    def forming_in(self, situation: Situation) -> Bools:
+        """(buses, nodes) or (buses, 1) `forming`, of units that are in order alone."""
+        if situation.unit_up is None or not self.forming_may_fail:
+            return self.forming[:, None]
+        return forming_now(self.fleets.values(), situation)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units that may be out of order, behind the lines in status of elements."""
+        return self.case.fallible_units
+
+    @cached_property
+    def forming_may_fail(self) -> bool:
+        """Whether a unit that can form an island may be out of order."""
+        fleets = self.fleets.values()
+        return any(bool((fleet.forming() & fleet.may_fail()).any()) for fleet in fleets)
 
     @cached_property
     def components(self) -> tuple[Component, ...]:
@@ -273,15 +286,17 @@ class Microgrid:
         """The world at every node.
 
         Args:
-            line_up: (lines of the case's network, nodes) False where a line has failed.
+            line_up: (elements of the case, nodes) False where a line has failed, or a unit is out;
+                with rows for its lines alone, all units are in order.
             profile: per-unit values over the nodes; the case's own if omitted.
             before: `line_up` one slot before; outages begin in no slot if omitted.
             is_last: (nodes,) where the horizon ends; nowhere if omitted.
             energy: (units, nodes) MWh stored at the start, where it is known: a storage without
                 energy to give forms nothing then.
         """
-        network = self.network
-        return Situation(
+        network, lines = self.network, len(self.case.network.line_names)
+        has_units = len(line_up) > lines
+        situation = Situation(
             profile=profile or self.case.profile,
             names=network.line_names,
             ends=self.islands.ends,
@@ -289,10 +304,15 @@ class Microgrid:
             forming=self.forming,
             n=line_up.shape[1],
             islands=self.islands,
-            forming_now=None if energy is None else self.forming_with(energy),
+            units=self.units if has_units else (),
+            unit_up=line_up[lines:] if has_units else None,
             line_up_before=None if before is None else before[self.lines_of],
             is_last=is_last,
         )
+        if energy is None and not (has_units and self.forming_may_fail):
+            return situation
+        forms = forming_now(self.fleets.values(), situation, energy)
+        return replace(situation, forming_now=forms)
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """The data of every component, arrays (labels, nodes)."""

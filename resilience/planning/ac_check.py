@@ -135,7 +135,7 @@ def ac_check_plan(plan: Plan) -> PlanACCheck:
 def _closed(plan: Plan, case: Case) -> Bools:
     """(lines, slots) lines that carry power: not failed, and closed in the plan."""
     network = case.network
-    up: Bools = status(case) & network.in_service[:, None]
+    up: Bools = status(case)[: len(network.line_names)] & network.in_service[:, None]
     if "line_closed" in plan.tables:
         # Merged buses and bundles of lines have no row: these lines cannot be anything but closed.
         table = plan.tables["line_closed"]
@@ -152,6 +152,9 @@ def _forming_then(plan: Plan, case: Case, fleets: list[DeviceFleet], units: Form
         energy = np.column_stack([start, plan.tables["energy"].values[:, :-1]])
     on = plan.tables.get("on")
     running = {} if on is None else dict(zip(on.labels, on.values, strict=True))
+    works = status(case)[len(case.network.line_names) :]
+    for name, up in zip(case.fallible_units, works, strict=True):
+        running[name] = running.get(name, 1.0) * up
     lit = plan.tables["island"].values[units.bus] > 0
     return lit & forming_then(fleets, units, energy, running)
 

@@ -32,7 +32,7 @@ class DistinctScenarios:
     """Scenarios, each kept once, in an order in which neighbours are alike.
 
     Attributes:
-        line_up: (lines of the case, slots, distinct scenarios) False where a line is down.
+        line_up: (elements of the case, slots, distinct scenarios) False where one is down.
         probability: (distinct scenarios,) of each.
         index: (scenarios,) which of the distinct ones every scenario is.
         number: (distinct scenarios,) the first of the scenarios that it stands for.
@@ -46,7 +46,7 @@ class DistinctScenarios:
     @classmethod
     def among(cls, scenarios: Scenarios, case: Case) -> DistinctScenarios:
         """The different ones among some scenarios."""
-        up = scenarios.line_up(case.network.line_names)
+        up = scenarios.status(case.elements)
         # Slot by slot, so that scenarios that begin alike lie side by side.
         path = np.packbits(~up.transpose(2, 1, 0).reshape(scenarios.n, -1), axis=1)
         _, first, index = np.unique(path, axis=0, return_index=True, return_inverse=True)
@@ -61,7 +61,7 @@ class DistinctScenarios:
 
     @property
     def common(self) -> Bools:
-        """(lines, slots) False where a line is down in all of them."""
+        """(elements, slots) False where one is down in all of them."""
         return np.asarray(self.line_up.any(axis=2))
 
     def leaving(self) -> Ints:

@@ -140,8 +140,8 @@ def plan_in_two_stages(
     risk = options.get("risk")
     risk = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
     with phase("model"):
-        distinct = DistinctScenarios.among(scenarios, case)
         microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
+        distinct = DistinctScenarios.among(scenarios, microgrid.case)
         program = scenario_program(
             microgrid, distinct, common_slots=options.get("common_slots"), risk=risk
         )
@@ -211,8 +211,8 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     """What a dispatcher does in the same scenarios."""
     risk = Risk()
     with phase("model"):
-        distinct = DistinctScenarios.among(scenarios, case)
         microgrid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
+        distinct = DistinctScenarios.among(scenarios, microgrid.case)
         world = World.build(microgrid, scenarios)
         program = scenario_program(microgrid, distinct)
     with phase("dispatch", method):

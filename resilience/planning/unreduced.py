@@ -83,7 +83,7 @@ def _program_of_all(program: ScenarioProgram, everything: Scenarios) -> Scenario
     microgrid = microgrid_with_fallible_lines(case, everything, program.microgrid.physics)
     return scenario_program(
         microgrid,
-        DistinctScenarios.among(everything, case),
+        DistinctScenarios.among(everything, microgrid.case),
         most_common_slots=program.two_stage.trunk,
         risk=program.two_stage.risk,
     )

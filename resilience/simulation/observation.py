@@ -20,7 +20,8 @@ class Observation:
     Attributes:
         t: the slot, 0 for the first of the horizon.
         energy: (units, batch) stored energy, MWh; units are in the order of `case.ess`.
-        line_up: (lines of the case, batch) which lines are up now; a failure is seen in its slot.
+        line_up: (elements of the case, batch) which lines and fallible units are up now; a failure
+            is seen in its slot.
         island: (buses of the merged graph, batch) number of each bus's island.
         centre: (batch,) slot of 15 minutes at which today's hazard is forecast to peak, -1 where
             unknown.

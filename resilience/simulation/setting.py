@@ -32,7 +32,7 @@ class Setting:
     Attributes:
         microgrid: the case at its physics.
         simulator: what steps it; `simulator.limits` says what storage can do.
-        lines: names of the lines that can fail.
+        lines: names of the lines that can fail, and of the units.
         numbers: (batch,) what the scenarios are called among all of a comparison; see
             `World.index`.
         end_value_per_mwh: credit for energy stored at the end, $ per MWh.

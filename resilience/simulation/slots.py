@@ -89,7 +89,7 @@ class Slots:
     Args:
         microgrid: the microgrid.
         simulator: what steps it.
-        line_up: (lines of the case, slots, scenarios) False where a line is down.
+        line_up: (elements of the case, slots, scenarios) False where a line or unit is down.
         profile: (len(slots), scenarios) what a profile really is, by its name and slots.
     """
 
@@ -115,26 +115,27 @@ class Slots:
     def with_energy(self, t: int, energy: Floats) -> Slot:
         """Slot t where `energy` (units, scenarios), MWh, is stored at its start.
 
-        A storage without energy to give forms no island; see `Microgrid.forming_with`.
+        A storage without energy to give forms no island; see `Microgrid.situation`.
         """
         slot = self[t]
         if self.microgrid.energised is None:
             return slot
-        forming = self.microgrid.forming[:, None]
-        alive, alive_now = (
-            reached(slot.island, np.broadcast_to(forms, slot.island.shape))
-            for forms in (forming, self.microgrid.forming_with(energy))
-        )
-        if (alive == alive_now).all():
-            return slot
-        now = np.array([t])
-        situation = self.microgrid.situation(
+        now, microgrid = np.array([t]), self.microgrid
+        situation = microgrid.situation(
             self.line_up[:, t],
             lambda name: self.profile(name, now)[0],
             before=up_before(self.line_up, now)[:, 0] if self.with_before else None,
             energy=energy,
         )
-        data = self.microgrid.data(situation)
+        usual, now_forming = microgrid.forming_in(situation), situation.forming_now
+        alive, alive_now = (
+            reached(slot.island, np.broadcast_to(forms, slot.island.shape))
+            for forms in (usual, now_forming)
+            if forms is not None
+        )
+        if (alive == alive_now).all():
+            return slot
+        data = microgrid.data(situation)
         wide = {k: np.broadcast_to(v, (len(v), energy.shape[1])) for k, v in data.items()}
         return Slot(wide, self.simulator.stacked(wide), slot.island)
 

@@ -154,8 +154,8 @@ class World:
 
     @cached_property
     def line_up(self) -> Bools:
-        """(lines of the case, slots, scenarios) False where a line is down."""
-        return self.scenarios.line_up(self.microgrid.case.network.line_names)
+        """(elements of the case, slots, scenarios) False where a line or unit is down."""
+        return self.scenarios.status(self.microgrid.case.elements)
 
     def line_up_before(self, t: int) -> Bools:
         """(lines of the case, scenarios) status one slot before slot t; all up at the start."""
@@ -251,7 +251,7 @@ def stepper(microgrid: Microgrid, recourse: RecourseRule = "economic") -> Steppe
 
 
 def microgrid_with_fallible_lines(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
-    """The microgrid in which every line of the scenarios can fail."""
-    hit = {outage.line for outage in case.outages}
+    """The microgrid in which every line and unit of the scenarios can fail."""
+    hit = {*case.fallible_units, *(outage.line for outage in case.outages)}
     more = tuple(Outage(line, 0, 1) for line in scenarios.lines if line not in hit)
     return Microgrid.build(case.replace(outages=(*case.outages, *more)) if more else case, physics)

@@ -1,4 +1,4 @@
-"""Scenarios on the terminal: how often a line is out, for how long, and all of them at once."""
+"""Scenarios on the terminal: how often lines and units are out, how long, and all lines at once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
     per, heads = ("_per_day", ("out on a day", "h out a day")) if daily else ("", ("out", "h out"))
     for head in ("line", *heads, "h per outage"):
         table.add_column(head, justify="left" if head == "line" else "right")
-    for line, row in numbers["lines"].items():
+    units = numbers.get("units", {})
+    for line, row in (numbers["lines"] | units).items():
         table.add_row(
             line,
             f"{100 * row[f'outage_chance{per}']:.1f} %",
@@ -45,7 +46,7 @@ def print_scenarios(scenarios: Scenarios, case: Case, console: Console) -> None:
         )
     console.print(table)
     console.print(
-        f"all {len(scenarios.lines)} out at once "
+        f"all {len(numbers['lines'])}{' lines' if units else ''} out at once "
         f"{'on' if daily else 'in'} {100 * numbers[f'all_out_chance{per}']:.1f} % of "
         f"{'days' if daily else 'scenarios'}{f', {weights}' if weights else ''}",
         highlight=False,

@@ -6,6 +6,7 @@ from collections import defaultdict
 
 import numpy as np
 
+from resilience.case.checks.failing import check_failing
 from resilience.case.checks.grids import check_grids
 from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules, check_units
@@ -23,6 +24,7 @@ def check_parts(parts: Parts) -> None:
     _check_names(parts)
     _check_prices(parts)
     check_tanks(parts)
+    check_failing(parts)
     _check_forming(parts)
     if parts.network is not None:
         _check_lines(parts, parts.network)

@@ -3,11 +3,9 @@
 from resilience.case.schema.devices import (
     DEVICES,
     DeviceKind,
-    DeviceTable,
     ESSTable,
     GeneratorTable,
     GridTable,
-    LoadTable,
     PVTable,
     case_schema,
     case_table,
@@ -16,6 +14,7 @@ from resilience.case.schema.devices import (
     unregister_device,
 )
 from resilience.case.schema.fields import Table
+from resilience.case.schema.loads import LoadTable
 from resilience.case.schema.storm import (
     LAW_PARAMETERS,
     BlackoutTable,
@@ -38,6 +37,7 @@ from resilience.case.schema.tables import (
     TankTable,
     TimeTable,
 )
+from resilience.case.schema.units import DeviceTable, UnitTable
 
 __all__ = [
     "DEVICES",
@@ -67,6 +67,7 @@ __all__ = [
     "Table",
     "TankTable",
     "TimeTable",
+    "UnitTable",
     "case_schema",
     "case_table",
     "defaults_table",

@@ -13,12 +13,11 @@ is one file with table and component, and one call before the case is read:
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from types import GenericAlias
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, create_model
 
@@ -31,6 +30,7 @@ from resilience.case.schema.fields import (
     Share,
     Table,
 )
+from resilience.case.schema.loads import LoadTable
 from resilience.case.schema.storm import BlackoutTable, GeographyTable, StormTable
 from resilience.case.schema.tables import (
     HeadTable,
@@ -41,64 +41,20 @@ from resilience.case.schema.tables import (
     TankTable,
     TimeTable,
 )
+from resilience.case.schema.units import (
+    MAX_MEAN_H,
+    Availability,
+    DeviceTable,
+    HoursToRepair,
+    UnitTable,
+)
 from resilience.errors import UsageError
 
 MAX_HOURS = 10_000.0
 """Over a year, of anything that a machine does on end."""
 
 
-class DeviceTable(Table):
-    """What every device has."""
-
-    name: Name = Field(description="unique name of the device")
-    bus: Name = Field(description="name of its bus")
-
-    @property
-    def marginal_cost_per_mwh(self) -> float | None:
-        """Cost of one more MWh, of units that can be called on at any time; None of all others."""
-        return None
-
-    @property
-    def shed_price_per_mwh(self) -> float | None:
-        """Price of a MWh that is not served, priority included; None where nothing is served."""
-        return None
-
-
-class LoadTable(DeviceTable):
-    """`[[load]]`: a demand that can be shed at a price."""
-
-    p_max_mw: NonNegative = Field(description="peak demand, MW")
-    profile: str | None = Field(None, description="profile column; absent: constant at the peak")
-    power_factor: Efficiency = Field(1.0, description="cos phi, lagging, constant")
-    q_mvar: float | None = Field(
-        None,
-        description="reactive demand at the peak, Mvar, negative where it is leading; replaces "
-        "power_factor. Beside p_max_mw = 0 it stands alone, follows the profile, and is shed at "
-        "the same price per Mvarh",
-    )
-    shed_cost_per_mwh: NonNegative = Field(description="price of unserved energy, per MWh")
-    priority: Positive = Field(1.0, le=1e6, description="multiplies the shed price")
-    critical: bool = Field(
-        False,
-        description="true: reports tell its service apart; where no load is marked, those of a "
-        "priority above 1 count",
-    )
-    block: bool = Field(False, description="true: served whole or not at all")
-
-    @property
-    def shed_price_per_mwh(self) -> float:
-        """Price of a MWh that is not served, priority included."""
-        return self.shed_cost_per_mwh * self.priority
-
-    @property
-    def q_peak_mvar(self) -> float:
-        """Reactive demand at the peak, Mvar; negative where it is leading."""
-        if self.q_mvar is not None:
-            return self.q_mvar
-        return self.p_max_mw * math.tan(math.acos(self.power_factor))
-
-
-class PVTable(DeviceTable):
+class PVTable(UnitTable):
     """`[[pv]]`: a photovoltaic plant."""
 
     p_max_mw: NonNegative = Field(description="output at a profile value of 1, MW")
@@ -113,9 +69,16 @@ class PVTable(DeviceTable):
         "taken. Not beside s_mva",
     )
     cost_per_mwh: float = Field(0.0, description="price of its energy, per MWh")
+    mttf_h: Positive | None = Field(
+        None,
+        le=MAX_MEAN_H,
+        description="mean time to failure, h, exponential; absent: it does not fail",
+    )
+    mttr_h: HoursToRepair = None
+    availability: Availability = 1.0
 
 
-class ESSTable(DeviceTable):
+class ESSTable(UnitTable):
     """`[[ess]]`: a storage system. Powers are at the grid side, charging positive."""
 
     p_max_mw: NonNegative = Field(description="charging limit, MW")
@@ -140,14 +103,23 @@ class ESSTable(DeviceTable):
         None, description="inverter rating, MVA; absent: unity power factor"
     )
     grid_forming: bool = Field(True, description="true: can carry an island alone")
+    mttf_h: Positive | None = Field(
+        None,
+        le=MAX_MEAN_H,
+        description="mean time to failure, h, exponential; absent: it does not fail",
+    )
+    mttr_h: HoursToRepair = None
+    availability: Availability = 1.0
 
 
 _COMMITMENT = ("p_min_mw", "no_load_cost_per_h", "start_cost", "min_up_h", "min_down_h")
 """Keys of a generator that need an on/off decision where they are not 0."""
 
 
-class GeneratorTable(DeviceTable):
+class GeneratorTable(UnitTable):
     """`[[generator]]`: a dispatchable unit with commitment."""
+
+    stands_by: ClassVar[bool] = True
 
     p_min_mw: NonNegative = Field(0.0, description="least output while on, MW")
     p_max_mw: NonNegative = Field(description="greatest output, MW")
@@ -190,6 +162,20 @@ class GeneratorTable(DeviceTable):
     q_min_mvar: float = Field(0.0, description="least reactive output, Mvar")
     q_max_mvar: float = Field(0.0, description="greatest reactive output, Mvar")
     grid_forming: bool = Field(True, description="true: can carry an island alone")
+    start_failure: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="probability that it fails to start when its bus loses the main grid",
+    )
+    mttf_h: Positive | None = Field(
+        None,
+        le=MAX_MEAN_H,
+        description="mean time to failure, h, exponential, while its bus is without the main grid; "
+        "absent: it does not fail",
+    )
+    mttr_h: HoursToRepair = None
+    availability: Availability = 1.0
 
     @property
     def marginal_cost_per_mwh(self) -> float:
@@ -220,7 +206,7 @@ class GeneratorTable(DeviceTable):
         return burns or any(getattr(self, key) for key in _COMMITMENT)
 
 
-class GridTable(DeviceTable):
+class GridTable(UnitTable):
     """`[[grid]]`: a connection to the grid outside."""
 
     name: Name = Field("grid", description="unique name of the connection")

@@ -161,6 +161,13 @@ def _check_case(case: Case, lines: Sequence[str]) -> None:
             f"sddp: case {case.name!r} has {len(lines)} breakpoints; allowed: up to {MAX_LINES}",
             hint="`stochastic` samples outages instead of listing their combinations",
         )
+    if case.fallible_units:
+        names = ", ".join(case.fallible_units)
+        raise UsageError(
+            f"sddp: in case {case.name!r} {names} may fail; allowed: lines that do, its modes know "
+            "no units",
+            hint="use the dispatcher `stochastic`",
+        )
     if case.tank:
         names = ", ".join(tank.name for tank in case.tank)
         raise UsageError(

@@ -84,5 +84,6 @@ def measure(world: World, trajectory: Trajectory, demand_mw: Floats) -> Measures
 
 def infrastructure(world: World) -> Trapezoid:
     """The trapezoid of the lines that are up, of those in service without a storm."""
-    up = world.line_up[world.microgrid.case.network.in_service]
+    network = world.microgrid.case.network
+    up = world.line_up[: len(network.line_names)][network.in_service]
     return trapezoid(lines_up_ratio(up), world.microgrid.case.step_h)

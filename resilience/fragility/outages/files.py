@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from resilience.case.outages import LINE_OR_UNIT, element_hint
 from resilience.errors import CaseError, Mistake, UsageError, shortened
 from resilience.files import reading
 from resilience.fragility.outages.scenarios import COLUMNS, Scenarios, check_suffix
@@ -27,7 +28,7 @@ MAX_WEIGHT = 1e12
 HINTS = {
     "scenario": "scenarios count from 0",
     "first": "slots count from 0",
-    "stop": "stop is the first slot in which the line is back",
+    "stop": "stop is the first slot in which the line or unit is back",
     "weight": "leave it out where all scenarios are equally likely",
 }
 
@@ -50,11 +51,11 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
     if path.suffix == ".csv":
         return _CSV(path, case).scenarios()
     scenarios = _read_npz(file)
-    unknown = [line for line in scenarios.lines if not case.network.has_line(line)]
+    unknown = [line for line in scenarios.lines if not _is_element(line, case)]
     if unknown:
         raise UsageError(
             f"{path}: line {shortened(repr(unknown[0]))} is not in case {case.name!r}",
-            hint=case.network.line_hint(unknown[0]),
+            hint=element_hint(unknown[0], case.network, case.units),
         )
     if scenarios.slots != case.slots:
         raise UsageError(
@@ -62,6 +63,11 @@ def load_scenarios(path: str | Path, case: Case) -> Scenarios:
             hint="draw them again for this horizon",
         )
     return scenarios
+
+
+def _is_element(name: str, case: Case) -> bool:
+    """Whether a line of the case has this name, or a unit that may be out of order."""
+    return case.network.has_line(name) or name in case.units
 
 
 def _read_npz(path: Path) -> Scenarios:
@@ -144,9 +150,9 @@ class _CSV:
             first = self.whole_number(where, "first", row, (0, slots - 1))
             stop = self.whole_number(where, "stop", row, (first + 1, slots))
             line = row["line"]
-            if not self.case.network.has_line(line):
-                hint = self.case.network.line_hint(line)
-                self.wrong(where, "line", shortened(repr(line)), "a line of the network", hint)
+            if not _is_element(line, self.case):
+                hint = element_hint(line, self.case.network, self.case.units)
+                self.wrong(where, "line", shortened(repr(line)), LINE_OR_UNIT, hint)
             if len(self.mistakes) == before:
                 self.events.append((scenario, line, first, stop))
         self.highest = max(self.highest, scenario)
@@ -181,7 +187,8 @@ class _CSV:
     def arrays(self) -> Scenarios:
         """Scenarios of the rows read; weights are divided by their sum."""
         failed = {line for _, line, _, _ in self.events}
-        lines = tuple(line for line in self.case.network.line_names if line in failed)
+        names = dict.fromkeys([*self.case.network.line_names, *self.case.units])
+        lines = tuple(name for name in names if name in failed)
         down = np.zeros((len(lines), self.case.slots, self.highest + 1), bool)
         for scenario, line, first, stop in self.events:
             down[lines.index(line), first:stop, scenario] = True

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from resilience.arrays import Floats, Ints
-from resilience.case.schema import GridTable, LoadTable
+from resilience.case.schema import GridTable, LoadTable, UnitTable
 from resilience.errors import SolverError, UsageError
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.transport import (
@@ -43,8 +43,10 @@ MAX_DIFFERENT = 20_000  # scenarios, whose distances then take 1.6 GB
 def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
     """(lines,) peak load that loses its way to the grid with a line, MW; all lines in service.
 
+    Of a unit it is the power that it gives.
+
     Raises:
-        UsageError: a line that the network lacks.
+        UsageError: a line or unit that the case lacks.
     """
     import networkx as nx
 
@@ -58,7 +60,11 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
     for table in case.tables_of(LoadTable):
         load[network.bus(table.bus)] += table.p_max_mw
     behind_mw = np.zeros(len(lines))
+    size_mw = _unit_sizes_mw(case)
     for row, name in enumerate(lines):
+        if name in size_mw and not network.has_line(name):
+            behind_mw[row] = size_mw[name]
+            continue
         k = network.line(name)
         edge = int(network.from_bus[k]), int(network.to_bus[k]), k
         if not graph.has_edge(*edge):
@@ -68,6 +74,15 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
         behind_mw[row] = sum(load[bus] for bus in range(len(load)) if bus not in fed)
         graph.add_edge(*edge)
     return behind_mw
+
+
+def _unit_sizes_mw(case: Case) -> dict[str, float]:
+    """By name of the units, what each can give at most."""
+    sizes = {}
+    for unit in case.tables_of(UnitTable):
+        powers_mw = [getattr(unit, key, 0.0) for key in ("p_max_mw", "import_max_mw")]
+        sizes[unit.name] = float(max(*powers_mw, -getattr(unit, "p_min_mw", 0.0)))
+    return sizes
 
 
 def reduced(

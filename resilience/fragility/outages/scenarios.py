@@ -1,17 +1,20 @@
-"""Scenarios: which line is down when, in many possible futures, and how likely each is.
+"""Scenarios: which line or unit is down when, in many possible futures, and how likely each is.
+
+A unit is a generator, a storage, a plant or a grid connection of the case; it has a row like a line
+has, under its name. A name that a line has means the line.
 
 Saved, a .npz file keeps everything, and a .csv file is for people and other tools; `files.py` reads
 both. A CSV file has a row per outage with the columns scenario, line, first, stop (slots from 0;
-stop is the first slot in which the line is back) and weight. A row with a scenario only is a
-scenario without outage; so is every number below the highest that has no row.
+stop is the first slot in which the line, or unit, is back) and weight. A row with a scenario only
+is a scenario without outage; so is every number below the highest that has no row.
 """
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +32,8 @@ class Scenarios:
     """Outage paths.
 
     Attributes:
-        lines: names of the lines that can fail.
-        down: (lines, slots, scenarios) True where a line is down.
+        lines: names of the lines that can fail, and of the units.
+        down: (lines, slots, scenarios) True where one is down.
         probability: (scenarios,) weights, adding up to 1.
         centre: (days, scenarios) slot of 15 minutes of the day in which the hazard peaks, as
             forecast at midnight; None where the process has no such thing.
@@ -59,7 +62,9 @@ class Scenarios:
                 hint="axes are lines, slots, scenarios",
             )
         if len(set(self.lines)) < len(self.lines):
-            raise UsageError("a line is there twice; allowed: every line once", "leave one out")
+            raise UsageError(
+                "a line or unit is there twice; allowed: every one once", "leave one out"
+            )
         if self.centre is not None and not self._has_sound_centre(self.centre):
             raise UsageError(
                 f"centres of the shape {self.centre.shape}; allowed: whole numbers, 0 to 95, of "
@@ -87,12 +92,35 @@ class Scenarios:
         return int(self.down.shape[1])
 
     def line_up(self, names: Sequence[str]) -> Bools:
-        """(names, slots, scenarios) False where a line is down; lines that cannot fail are up."""
+        """(names, slots, scenarios) False where one is down; what cannot fail is up."""
         up = np.ones((len(names), self.slots, self.n), bool)
         for k, line in enumerate(self.lines):
             if line in names:
                 up[list(names).index(line)] = ~self.down[k]
         return up
+
+    def status(self, elements: Sequence[str]) -> Bools:
+        """(elements, slots, scenarios) False where one is down, of the `elements` of a case.
+
+        Raises:
+            UsageError: something fails that is none of them.
+        """
+        if unknown := set(self.lines).difference(elements):
+            raise UsageError(
+                f"{sorted(unknown)[0]!r} of the scenarios cannot fail in the case; allowed: its "
+                "lines, and units that say how they fail, or that an outage hits",
+                hint="`microgrid_with_fallible_lines` makes a case of which it is an element",
+            )
+        return self.line_up(elements)
+
+    def restricted_to(self, names: Collection[str]) -> Scenarios:
+        """The same scenarios, only the rows of some names: the lines of a network, say."""
+        rows = [k for k, name in enumerate(self.lines) if name in names]
+        if len(rows) == len(self.lines):
+            return self
+        return replace(
+            self, lines=tuple(self.lines[k] for k in rows), down=self.down[rows], represents=None
+        )
 
     def chosen(self, index: Ints | Sequence[int]) -> Scenarios:
         """Some of the scenarios, their weights scaled to add up to 1."""

@@ -1,4 +1,4 @@
-"""Scenarios in a few numbers: how often a line is out, for how long, and all of them at once."""
+"""Scenarios in a few numbers: how often lines and units are out, how long, all lines at once."""
 
 from __future__ import annotations
 
@@ -28,18 +28,27 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
     counts = begins.sum(axis=1) @ weight
     ever = down.any(axis=1) @ weight
     chance = (begins > 0).mean(axis=1) @ weight
-    together = down.all(axis=0) if len(scenarios.lines) else np.zeros(down.shape[1:], bool)
+    is_line = np.array([case.network.has_line(name) for name in scenarios.lines], bool)
+    together = down[is_line].all(axis=0) if is_line.any() else np.zeros(down.shape[1:], bool)
     all_out = np.logical_or.reduceat(together, first, axis=0).mean(axis=0) @ weight
-    lines = {
-        line: {
+    elements = {
+        name: {
             "outage_chance": float(ever[k]),
             "hours_out": float(hours[k]),
             "outage_chance_per_day": float(chance[k]),
             "hours_out_per_day": float(hours[k] / len(first)),
             "hours_per_outage": float(hours[k] / counts[k]) if counts[k] else 0.0,
         }
-        for k, line in enumerate(scenarios.lines)
+        for k, name in enumerate(scenarios.lines)
     }
+    lines, units = (
+        {
+            name: row
+            for (name, row), has in zip(elements.items(), is_line, strict=True)
+            if has == kind
+        }
+        for kind in (True, False)
+    )
     return {
         "case": case.name,
         "scenarios": scenarios.n,
@@ -50,6 +59,7 @@ def summary(scenarios: Scenarios, case: Case) -> dict[str, Any]:
         "seed": scenarios.seed,
         "process": scenarios.process,
         "lines": lines,
+        **({"units": units} if units else {}),
         "all_out_chance": float(together.any(axis=0) @ weight),
         "all_out_chance_per_day": float(all_out),
     }

@@ -13,7 +13,7 @@ from resilience.models.components.fleet import (
     fleet_classes,
     in_roles,
 )
-from resilience.models.components.forming import Energised, forming_with_energy
+from resilience.models.components.forming import Energised, forming_now
 from resilience.models.components.generator import Generators
 from resilience.models.components.grid import Grids
 from resilience.models.components.line import Lines
@@ -42,6 +42,6 @@ __all__ = [
     "device_fleets",
     "fleet_class",
     "fleet_classes",
-    "forming_with_energy",
+    "forming_now",
     "in_roles",
 ]

@@ -127,7 +127,10 @@ class ESS(DeviceFleet):
         low = self._array("soc_min")[units] - FORMING_TOLERANCE / 2.0
         now = stage["ess.energy.now"][units] - size * low
         gives = now * (1.0 / (FORMING_SHARE * size))
-        forms = stage.var("ess.forms", names, 0.0, 1.0, unit="1", about="forms its island")
+        works: Affine | float = 1.0
+        if self.may_fail()[units].any():
+            works = stage.data("ess.works", names, unit="1", about="whether it is in order")
+        forms = stage.var("ess.forms", names, 0.0, works, unit="1", about="forms its island")
         lacks = stage.var("ess.lacks", names, 0.0, 1.0, unit="1", about="lack of energy to form")
         ones, zero = np.ones(len(units)), Affine.constant(0.0, len(units))
         stage.le("ess.forms.energy", forms, gives)
@@ -195,13 +198,22 @@ class ESS(DeviceFleet):
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Power limits, zero in a dead island."""
-        alive = situation.alive_at(self.bus)
+        alive = self.available(situation)
         return {
             "ess.charge_max": self._array("p_max_mw")[:, None] * alive,
             "ess.discharge_max": -self._array("p_min_mw")[:, None] * alive,
             "ess.q_max": self.s_mva[:, None] * alive[self.rated],
             **self._final_data(situation),
+            **self._status_data(situation),
         }
+
+    def _status_data(self, situation: Situation) -> dict[str, Floats]:
+        """Whether forming units are in order; nothing where none of them may fail."""
+        forming = self.forming()
+        if not self.may_fail()[forming].any():
+            return {}
+        works = np.broadcast_to(situation.works(self.names), (len(self.tables), situation.n))
+        return {"ess.works": works[forming].astype(float)}
 
     def start(self) -> dict[str, Floats]:
         """Stored energy at the start, in MWh."""

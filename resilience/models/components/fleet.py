@@ -79,6 +79,7 @@ class DeviceFleet(ABC):
         running: name of its variable that is 1 where a device runs; None without commitment.
         tables: one table per device.
         bus: index of every device's bus.
+        fallible: names of those that may be out of order.
     """
 
     kind: ClassVar[str]
@@ -97,6 +98,7 @@ class DeviceFleet(ABC):
 
     tables: Sequence[DeviceTable]
     bus: Ints
+    fallible: frozenset[str] = frozenset()
 
     @classmethod
     @abstractmethod
@@ -189,8 +191,19 @@ class DeviceFleet(ABC):
         return replace(fed, p=fed.p - scatter(spilled, units, len(self.names), self.names))
 
     def forms_surely(self) -> Bools:
-        """Whether a device forms its island whatever is decided; never more than `forming`."""
+        """Whether a device forms its island whatever is decided, if it is in order; never more than
+        `forming`.
+        """
         return self.forming()
+
+    def may_fail(self) -> Bools:
+        """Whether a device may be out of order."""
+        return np.array([name in self.fallible for name in self.names], bool)
+
+    def available(self, situation: Situation) -> Floats:
+        """(devices, nodes) 1 where a device is in order and its island alive, else 0."""
+        alive = situation.alive_at(self.bus)
+        return alive * situation.works(self.names) if self.fallible else alive
 
     def emit_forming(self, stage: Stage) -> None:  # noqa: B027 most fleets have nothing to declare
         """Declares the variable `forms` where `emit` does not anyway; the fleet is emitted."""
@@ -304,11 +317,13 @@ def device_fleets(case: Case, bus_of: Ints | None = None) -> dict[str, DeviceFle
         case: network and devices.
         bus_of: (buses of the case,) index of each in a merged network; the case's own if omitted.
     """
-    fleets = {}
+    fleets, fallible_units = {}, frozenset(case.fallible_units)
     for kind, tables in case.devices.items():
         if tables:
             bus = np.array([case.network.bus(table.bus) for table in tables], np.intp)
-            fleets[kind] = fleet_class(kind)(tables, bus if bus_of is None else bus_of[bus])
+            bus = bus if bus_of is None else bus_of[bus]
+            fallible = fallible_units.intersection(table.name for table in tables)
+            fleets[kind] = fleet_class(kind)(tables, bus, fallible)
     return fleets
 
 

@@ -21,6 +21,8 @@ $$ \delta \phi_i \le e_i - \underline{s} E_i, \qquad
 \lambda_i \ge 1 - (e_i - \underline{s} E_i) / \delta, \qquad \phi_i \lambda_i = 0 $$
 
 with $e_i$ at the start of the step: it forms only with energy to give, $\delta$ at least.
+A unit that may be out of order forms nothing while it is: $\phi_i$ is bounded by its status, and
+for one that would form its island whatever is decided it is that status, `cell.formed`.
 So nothing needs a binary of its own, and $a_c$ is continuous: what it bounds is free at 1. A plan
 may leave an island dark that could be alive. Power $\underline{p}$ that must be taken is spilled in
 the dark, all or nothing:
@@ -64,7 +66,7 @@ class Energised:
     Attributes:
         names: of the cells, each called after its first bus.
         cell: (buses,) number of every bus's cell.
-        sure: (cells,) whether a unit there forms an island whatever is decided.
+        sure: (cells,) whether a unit there forms an island whatever happens and is decided.
         fleets: all devices.
         lines: those between the cells and within; None where there are none.
     """
@@ -80,13 +82,26 @@ class Energised:
         """Whether anything but the status of lines makes an island alive or dead."""
         there = np.zeros(len(self.names), bool)
         for fleet in self.fleets:
-            there[self.cell[fleet.bus[fleet.forming()]]] = True
+            decided = fleet.forming() & ~fleet.forms_surely()
+            there[self.cell[fleet.bus[decided]]] = True
         return bool((there & ~self.sure).any())
+
+    @property
+    def formed(self) -> Ints:
+        """Cells, not sure, where a unit in order forms an island whatever is decided."""
+        there = np.zeros(len(self.names), bool)
+        for fleet in self.fleets:
+            there[self.cell[fleet.bus[fleet.forms_surely() & fleet.may_fail()]]] = True
+        return np.flatnonzero(there & ~self.sure)
 
     def emit(self, stage: Stage) -> None:
         """Declares which cells are energised, before any device."""
         alive = stage.data("cell.alive", self.names, unit="1", about="has a path to a source")
-        sure = self.sure.astype(float)
+        sure: Affine | Floats = self.sure.astype(float)
+        if len(self.formed):
+            names = [self.names[k] for k in self.formed]
+            formed = stage.data("cell.formed", names, unit="1", about="has a source in order")
+            sure = scatter(formed, self.formed, len(self.names), self.names) + sure
         energised = stage.var(
             "cell.energised", self.names, sure, alive, unit="1", about="energised"
         )
@@ -137,6 +152,8 @@ class Energised:
         for fleet in self.fleets:
             fleet.emit_forming(stage)
         n, forms = len(self.names), self._forms(stage) + self.sure.astype(float)
+        if len(self.formed):
+            forms = forms + scatter(stage["cell.formed"], self.formed, n)
         places = np.unique(np.concatenate([np.flatnonzero(self.sure), forms.rows]))
         names = [self.names[k] for k in places]
         feed = stage.var("cell.feed", names, 0.0, float(n), unit="1", about="commodity fed in")
@@ -195,7 +212,12 @@ class Energised:
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Whether a cell can be energised at all."""
         first = np.unique(self.cell, return_index=True)[1]
-        return {"cell.alive": situation.alive[first]}
+        formed = np.zeros((len(self.names), situation.n))
+        for fleet in self.fleets:
+            units = np.flatnonzero(fleet.forms_surely() & fleet.may_fail())
+            works = situation.works([fleet.names[i] for i in units])
+            np.maximum.at(formed, self.cell[fleet.bus[units]], works * 1.0)
+        return {"cell.alive": situation.alive[first], "cell.formed": formed[self.formed]}
 
     def start(self) -> dict[str, Floats]:
         """None."""
@@ -209,17 +231,23 @@ def _replaced(x: Affine, rows: Ints, values: Affine) -> Affine:
     return x * keep + scatter(values, rows, x.n)
 
 
-def forming_with_energy(fleets: Iterable[DeviceFleet], buses: int, energy: Floats) -> Bools:
-    """(buses, nodes) whether a forming unit stands there that has energy to give.
+def forming_now(
+    fleets: Iterable[DeviceFleet],
+    situation: Situation,
+    energy: Floats | None = None,
+) -> Bools:
+    """(buses, nodes) whether a forming unit stands there that is in order and has energy to give.
 
     Args:
         fleets: all devices.
-        buses: how many there are.
-        energy: (units, nodes) MWh in storage.
+        situation: says what is in order.
+        energy: (units, nodes) MWh in storage; enough in all if omitted.
     """
-    forming = np.zeros((buses, energy.shape[1]), bool)
+    forming = np.zeros((len(situation.forming), situation.n), bool)
     for fleet in fleets:
-        forms = fleet.forming()[:, None] & fleet.has_energy(energy)
-        device, node = np.nonzero(np.broadcast_to(forms, (len(forms), energy.shape[1])))
+        forms = fleet.forming()[:, None] & situation.works(fleet.names)
+        if energy is not None:
+            forms = forms & fleet.has_energy(energy)
+        device, node = np.nonzero(np.broadcast_to(forms, (len(forms), situation.n)))
         forming[fleet.bus[device], node] = True
     return forming

@@ -276,7 +276,7 @@ class Generators(DeviceFleet):
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Limits, zero in a dead island, and where what ran before binds."""
-        alive = situation.alive_at(self.bus)
+        alive = self.available(situation)
         p_max = self._array("p_max_mw")[:, None]
         q_min, q_max = self._array("q_min_mvar"), self._array("q_max_mvar")
         # A unit that stands still has none; the rows of those that may hold them to their limits.

@@ -112,7 +112,7 @@ class Grids(DeviceFleet):
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Limits (zero in a dead island) and prices."""
-        alive = situation.alive_at(self.bus)
+        alive = self.available(situation)
 
         def price(ways: Iterable[tuple[float, str | None]]) -> Floats:
             rows = [factor * situation.profile(name) for factor, name in ways]

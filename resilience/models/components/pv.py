@@ -105,7 +105,7 @@ class PV(DeviceFleet):
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Available power, must-take power, and the limits of reactive power."""
         sun = np.array([t.p_max_mw * situation.profile(t.profile) for t in self.tables])
-        alive = situation.alive_at(self.bus)
+        alive = self.available(situation)
         available = sun.reshape(alive.shape) * alive
         return {
             "pv.available": available,

@@ -6,7 +6,7 @@ looked up by the pattern of lines that are up.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -30,8 +30,10 @@ class Situation:
         forming: (buses,) whether a bus has a grid-forming unit.
         n: number of nodes.
         islands: what is known of the network's islands; found anew if omitted.
-        forming_now: (buses, nodes) whether a grid-forming unit there is running and has energy to
-            give; wherever `forming` is true if omitted.
+        forming_now: (buses, nodes) whether a grid-forming unit there is in order and running, and
+            has energy to give; wherever `forming` is true if omitted.
+        units: names of the units whose status is known; all others are in order.
+        unit_up: (units, nodes) False where one of these is out; None where there are none.
         line_up_before: (lines, nodes) `line_up` one slot before; None: no outage begins.
         is_last: (nodes,) whether the horizon ends with the node; None: with none of them.
         final_price_per_mwh: of a storage's lack of energy where the horizon ends; None: it may
@@ -46,6 +48,8 @@ class Situation:
     n: int
     islands: Islands | None = None
     forming_now: Bools | None = None
+    units: Labels = ()
+    unit_up: Bools | None = None
     line_up_before: Bools | None = None
     is_last: Bools | None = None
     final_price_per_mwh: float | None = None
@@ -74,6 +78,14 @@ class Situation:
     def alive_at(self, bus: Ints) -> Floats:
         """(devices, nodes) `alive` of the buses where devices stand."""
         return self.alive[bus]
+
+    def works(self, names: Sequence[str]) -> Bools:
+        """(names, nodes) or (names, 1) False where a unit is out."""
+        if self.unit_up is None or not any(name in self.units for name in names):
+            return np.ones((len(names), 1), bool)
+        always = np.ones((1, self.n), bool)
+        place = {name: k for k, name in enumerate(self.units)}
+        return np.concatenate([self.unit_up, always])[[place.get(name, -1) for name in names]]
 
     @cached_property
     def outage_begins(self) -> Bools:

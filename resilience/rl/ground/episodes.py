@@ -61,8 +61,8 @@ class Episodes:
 
     @cached_property
     def line_up(self) -> Bools:
-        """(lines of the case, slots, batch) False where a line is down."""
-        return self.scenarios.line_up(self.setting.case.network.line_names)
+        """(elements of the case, slots, batch) False where a line or unit is down."""
+        return self.scenarios.status(self.setting.case.elements)
 
     @property
     def has_energy_islands(self) -> bool:

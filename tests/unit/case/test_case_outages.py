@@ -16,6 +16,7 @@ from resilience.errors import CaseError, UsageError
 class Horizon:
     network: Network
     window: Window
+    units: tuple[str, ...] = ()
 
 
 def horizon(

@@ -65,7 +65,7 @@ def test_every_bad_row_is_reported(tmp_path: Path) -> None:
     found = [(p.table, p.key, p.value, p.allowed) for p in caught.value.mistakes]
     assert found == [
         ("row 3", "scenario", "'-1'", "a whole number, 0 to 1000000"),
-        ("row 4", "line", "'2-1'", "a line of the network"),
+        ("row 4", "line", "'2-1'", "a line of the network, or a unit"),
         ("row 5", "stop", "'9'", "a whole number, 10 to 96"),
         ("row 6", "stop", "'97'", "a whole number, 91 to 96"),
         ("row 7", "first", "'x'", "a whole number, 0 to 95"),

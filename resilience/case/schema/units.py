@@ -1,0 +1,57 @@
+"""What tables of devices have in common: a name, a bus, prices, and how devices fail."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from resilience.case.schema.fields import Name, Positive, Table
+
+
+class DeviceTable(Table):
+    """What every device has."""
+
+    name: Name = Field(description="unique name of the device")
+    bus: Name = Field(description="name of its bus")
+
+    @property
+    def marginal_cost_per_mwh(self) -> float | None:
+        """Cost of one more MWh, of units that can be called on at any time; None of all others."""
+        return None
+
+    @property
+    def shed_price_per_mwh(self) -> float | None:
+        """Price of a MWh that is not served, priority included; None where nothing is served."""
+        return None
+
+
+MAX_MEAN_H = 1e7
+"""A thousand years, of the time to a failure: beyond, a number is a slip."""
+HoursToRepair = Annotated[
+    Positive | None,
+    Field(description="mean time to repair, h, exponential; absent: not within the horizon"),
+]
+Availability = Annotated[
+    float,
+    Field(gt=0, le=1, description="probability that it is in order as the horizon starts"),
+]
+
+
+class UnitTable(DeviceTable):
+    """A device that may be out of order: its component heeds `DeviceFleet.available`.
+
+    Outages may name it. A table that has the keys `mttf_h`, `mttr_h`, `availability` or
+    `start_failure` says how it fails, and scenarios draw that.
+
+    Attributes:
+        stands_by: it is in service only while its bus is without the main grid.
+    """
+
+    stands_by: ClassVar[bool] = False
+
+    @property
+    def can_fail(self) -> bool:
+        """Whether it is drawn when it is out of order."""
+        sound = {"mttf_h": None, "start_failure": 0.0, "availability": 1.0}
+        return any(getattr(self, key, value) != value for key, value in sound.items())
