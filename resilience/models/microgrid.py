@@ -16,6 +16,7 @@ from resilience.errors import UsageError
 from resilience.models.algebra import Affine, stack
 from resilience.models.components import (
     Buses,
+    ColdLoads,
     Component,
     DeviceFleet,
     Energised,
@@ -156,7 +157,13 @@ class Microgrid:
         """Everything that emits into the stage, voltages and switches included."""
         first = () if self.energised is None else (self.energised,)
         tanks = () if self.tanks is None else (self.tanks,)
-        return (*first, *self.fleets.values(), *tanks, *self._wires)
+        return (*first, *self.fleets.values(), *self.cold_loads, *tanks, *self._wires)
+
+    @cached_property
+    def cold_loads(self) -> tuple[ColdLoads, ...]:
+        """Loads that return with a surplus after an interruption, kind by kind; usually none."""
+        loads = in_roles(self.fleets.values(), "load")
+        return tuple(ColdLoads(fleet) for fleet in loads if len(fleet.cold))
 
     @cached_property
     def tanks(self) -> Tanks | None:

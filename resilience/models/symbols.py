@@ -8,6 +8,7 @@ from resilience.arrays import Ints
 from resilience.case.schema import DeliveryTable, TankTable
 from resilience.models.components import (
     Buses,
+    ColdLoads,
     Energised,
     Generators,
     Lines,
@@ -43,9 +44,12 @@ def showcase() -> Stage:
         losses=True,
     )
     Buses(("1", "2"), np.full(2, 0.9), np.full(2, 1.1)).emit(stage)
-    fleets = tuple(fleet((fleet.showcase(),), bus) for fleet in fleet_classes())
+    tables = [(kind, kind.showcase()) for kind in fleet_classes()]
+    fleets = tuple(kind((table,), bus, frozenset({table.name})) for kind, table in tables)
     for fleet in fleets:
         fleet.emit(stage)
+        if len(fleet.cold):
+            ColdLoads(fleet).emit(stage)
         if isinstance(fleet, Generators):
             Tanks((_TANK,), fleet).emit(stage)
     lines.emit(stage)

@@ -21,6 +21,7 @@ _UNITS = {
     "soc": "share of the capacity stored at the end of the slot",
     "demand": "MW",
     "shed": "MW",
+    "surplus": "MW that a load takes beside its demand after an interruption",
 }
 _MORE_UNITS = {
     "voltage": "pu",
@@ -98,10 +99,16 @@ def _stored(program: CaseProgram, z: Floats, storage: list[DeviceFleet]) -> dict
 def _demand(program: CaseProgram, z: Floats, loads: list[DeviceFleet]) -> dict[str, SlotTable]:
     if not loads:
         return {}
-    return {
+    tables = {
         "demand": _stacked(program, [(f, program.values(f.demand, z)) for f in loads]),
         "shed": _stacked(program, [(f, program.values(f.shed, z)) for f in loads]),
     }
+    cold = [fleet for fleet in loads if len(fleet.cold)]
+    if cold:
+        names = tuple(fleet.names[k] for fleet in cold for k in fleet.cold)
+        surplus = np.concatenate([program.values(fleet.surplus, z) for fleet in cold])
+        tables["surplus"] = SlotTable(names, surplus)
+    return tables
 
 
 def _wires(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
@@ -189,5 +196,9 @@ def balance(case: Case, tables: Mapping[str, SlotTable]) -> dict[str, float]:
         if f.curtailed and f.fed
     }
     demand, shed = total("demand"), total("shed")
-    losses = sum(fed.values()) - sum(intake.values(), start=demand - shed)
-    return {"demand": demand, "shed": shed, **fed, **intake, "losses": losses, **curtailed}
+    surplus = {"surplus": total("surplus")} if "surplus" in tables else {}
+    served = demand - shed + sum(surplus.values())
+    losses = sum(fed.values()) - sum(intake.values(), start=served)
+    return {
+        "demand": demand, "shed": shed, **surplus, **fed, **intake, "losses": losses, **curtailed
+    }  # fmt: skip

@@ -23,6 +23,8 @@ def powers(world: World, trajectory: Trajectory) -> dict[str, Floats]:
             power[kind] = trajectory.storage
         elif fleet.role == "load":
             power[kind] = trajectory.flow(fleet.shed) - expected_power(world, fleet, -1.0)
+            if len(fleet.cold):
+                power[kind][fleet.cold] -= trajectory.flow(fleet.surplus)
         else:
             power[kind] = fleet.power(trajectory.flow)
         if len(power[kind]) != len(fleet.tables):

@@ -111,7 +111,7 @@ def _energy_words(plan: Plan) -> list[tuple[str, str]]:
         for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage")
         for term in (fleet.fed, fleet.curtailed)
     ]
-    words = [("demand", "demand"), ("shed", "shed")]
+    words = [("demand", "demand"), ("shed", "shed"), ("surplus", "taken by loads that return")]
     words += [(term.key, term.words) for term in intake if term]
     words += [("losses", "lost in wires")]
     words += [(term.key, term.words) for term in sources if term]

@@ -46,6 +46,7 @@ COMMITTED = {
 }
 RAMPED = {"ramp_up_mw_per_h": 2.0, "ramp_down_mw_per_h": 3.0, "p_initial_mw": 1.0}
 CURVE = {"p_max_mw": 2.0, "cost_curve": [[0.0, 1.0], [1.0, 3.0], [2.0, 7.0]]}
+COLD = {"cold_load_share": 0.8, "cold_load_h": 2.0}
 TANKS = [
     {"capacity_m3": 2.0, "initial_m3": 1.5, "delivery": [{"hour": 0.25, "amount_m3": 0.5}]},
     {"capacity_m3": 1.0},
@@ -68,6 +69,7 @@ GRID = {
 GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
     "load": (("Loads",), "lindistflow", {"load": [LOAD, {**LOAD, "bus": "3", "priority": 2.0}]}),
     "load-block": (("Loads",), "copperplate", {"load": [{**LOAD, "block": True}]}),
+    "load-cold": (("Loads", "ColdLoads"), "lindistflow", {"load": [{**LOAD, **COLD}, LOAD]}),
     "pv": (("PV",), "lindistflow", {"pv": [{**PV, "s_mva": 3.5}, {**PV, "curtailable": False}]}),
     "ess": (("ESS",), "lindistflow", {"ess": [ESS]}),
     "generator": (("Generators",), "lindistflow", {"generator": [UNIT]}),

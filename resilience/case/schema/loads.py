@@ -9,6 +9,9 @@ from pydantic import Field
 from resilience.case.schema.fields import Efficiency, NonNegative, Positive
 from resilience.case.schema.units import DeviceTable
 
+MAX_COLD_LOAD, MAX_COLD_LOAD_H = 10.0, 168.0
+"""Of a surplus and of its time constant: beyond, a number is in percent, or in minutes."""
+
 
 class LoadTable(DeviceTable):
     """`[[load]]`: a demand that can be shed at a price."""
@@ -30,6 +33,17 @@ class LoadTable(DeviceTable):
         "priority above 1 count",
     )
     block: bool = Field(False, description="true: served whole or not at all")
+    cold_load_share: NonNegative = Field(
+        0.0,
+        le=MAX_COLD_LOAD,
+        description="surplus with which it returns after a long interruption, share of the demand "
+        "lost, and of the energy lost what it makes up for; 0: none",
+    )
+    cold_load_h: Positive = Field(
+        1.0,
+        le=MAX_COLD_LOAD_H,
+        description="time constant with which that surplus builds up and decays, h",
+    )
 
     @property
     def shed_price_per_mwh(self) -> float:

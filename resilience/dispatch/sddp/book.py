@@ -10,6 +10,7 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, rounded
 from resilience.case import Case
+from resilience.case.schema import LoadTable
 from resilience.dispatch.end_value import stored_energy_value
 from resilience.dispatch.sddp.cache import cache_folder, digest, load, save
 from resilience.dispatch.sddp.chain import ModeChain, storm_chain
@@ -167,6 +168,13 @@ def _check_case(case: Case, lines: Sequence[str]) -> None:
             f"sddp: in case {case.name!r} {names} may fail; allowed: lines that do, its modes know "
             "no units",
             hint="use the dispatcher `stochastic`",
+        )
+    cold = [load.name for load in case.tables_of(LoadTable) if load.cold_load_share]
+    if cold:
+        raise UsageError(
+            f"sddp: {', '.join(cold)} of case {case.name!r} return with a surplus; allowed: loads "
+            "without cold_load_share, its cuts know no backlog",
+            hint="`mpc` and `stochastic` carry it",
         )
     if case.tank:
         names = ", ".join(tank.name for tank in case.tank)

@@ -2,6 +2,7 @@
 
 from resilience.models.components.base import Component, Injection
 from resilience.models.components.bus import Buses
+from resilience.models.components.cold_load import ColdLoads
 from resilience.models.components.ess import ESS
 from resilience.models.components.fleet import (
     DeviceFleet,
@@ -26,6 +27,7 @@ __all__ = [
     "ESS",
     "PV",
     "Buses",
+    "ColdLoads",
     "Component",
     "DeviceFleet",
     "Energised",

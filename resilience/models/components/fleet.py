@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
+from resilience.case.profiles import MAX_PU
 from resilience.case.schema import DEVICES, DeviceTable, GridTable, LoadTable
 from resilience.errors import UsageError
 from resilience.models.algebra import Labels, scatter
@@ -138,6 +139,21 @@ class DeviceFleet(ABC):
         return f"{self.kind}.shed_min"
 
     @property
+    def surplus(self) -> str:
+        """Name of a load's variable of what it takes beside its demand, of the `cold` ones, MW."""
+        return f"{self.kind}.surplus"
+
+    @property
+    def cold(self) -> Ints:
+        """Loads that return with a surplus after an interruption, see `cold_load`."""
+        return np.flatnonzero([getattr(t, "cold_load_share", 0.0) > 0.0 for t in self.tables])
+
+    def surplus_max_mw(self) -> Floats:
+        """(devices,) the greatest surplus of a load that returns, MW."""
+        share = np.array([getattr(t, "cold_load_share", 0.0) for t in self.tables], float)
+        return share * MAX_PU * -self.power_range()[0]
+
+    @property
     def reactive(self) -> str:
         """Name of its variable of reactive power, Mvar, if it has one."""
         return f"{self.kind}.q"
@@ -155,7 +171,8 @@ class DeviceFleet(ABC):
         """
         p_min, p_max = self.power_range()
         if self.expected():
-            return np.zeros(len(self.tables)), np.zeros(len(self.tables))
+            surplus_mva = self.surplus_max_mw() * np.hypot(1.0, self.reactive_per_mw())
+            return np.zeros(len(self.tables)), surplus_mva
         return np.maximum(p_max, 0.0), np.maximum(-p_min, 0.0)
 
     def apparent_mva(self) -> Floats:
@@ -253,11 +270,16 @@ class DeviceFleet(ABC):
         return None
 
     def power(self, values: Callable[[str], Floats]) -> Floats:
-        """MW fed in, (devices, ...), from the values of the variables and data in `flows`."""
+        """MW fed in, (devices, ...), from the values of the variables and data in `flows`.
+
+        What cold loads take beside their demand is in it.
+        """
         total: Floats | None = None
         for name, sign in self.flows.items():
             power = sign * values(name)
             total = power if total is None else total + power
+        if total is not None and len(self.cold):
+            total[self.cold] -= values(self.surplus)
         return np.empty(0) if total is None else total
 
 

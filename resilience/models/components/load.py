@@ -55,8 +55,15 @@ class Loads(DeviceFleet):
 
     @classmethod
     def showcase(cls) -> LoadTable:
-        """A load that is served whole or not at all."""
-        return LoadTable(name="load", bus="1", p_max_mw=1.0, shed_cost_per_mwh=1.0, block=True)
+        """A load that is served whole or not at all, and returns with a surplus."""
+        return LoadTable(
+            name="load",
+            bus="1",
+            p_max_mw=1.0,
+            shed_cost_per_mwh=1.0,
+            block=True,
+            cold_load_share=0.5,
+        )
 
     def power_range(self) -> tuple[Floats, Floats]:
         """From the peak, negative, to nothing."""
@@ -87,8 +94,8 @@ class Loads(DeviceFleet):
         return tuple((t.profile, -t.p_max_mw) for t in self.tables)
 
     def merge_key(self, table: LoadTable) -> Hashable | None:
-        """The price of shedding it; blocks stay alone."""
-        return None if table.block else table.shed_price_per_mwh
+        """The price of shedding it; blocks, and loads that return with a surplus, stay alone."""
+        return None if table.block or table.cold_load_share else table.shed_price_per_mwh
 
     def emit(self, stage: Stage) -> Injection:
         """Demand less what is shed."""
