@@ -173,6 +173,8 @@ def beyond_comb(setting: Setting) -> str:
     """Why a setting is none of a comb, in words; empty where it is one."""
     if setting.case.blackout is None:
         return f"case {setting.case.name!r} has no [blackout]"
+    if setting.case.fallible_units:
+        return "units may fail"
     if setting.believed != CASE:
         return "operators believe in other scenarios"
     if isinstance(setting.simulator, MilpSimulator):

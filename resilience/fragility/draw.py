@@ -143,6 +143,15 @@ def outage_paths(days: Sequence[Day], bell: Bell) -> Bools:
     return down
 
 
+def sample_blackout(case: Case, n: int, seed: int) -> Scenarios:
+    """`n` equally likely outage paths of a case's blackout, and of its units that fail.
+
+    Raises:
+        UsageError: the case has none, or as `Blackout.sample`.
+    """
+    return with_units(case, case_blackout(case).sample(n, seed), seed)
+
+
 def sample_case(case: Case, n: int, seed: int) -> Scenarios:
     """`n` outage paths of the case's own process: its blackout, its storm, or else its bell.
 
@@ -150,7 +159,7 @@ def sample_case(case: Case, n: int, seed: int) -> Scenarios:
         CaseError, UsageError: as `Blackout.sample`, `storm_scenarios` or `sample_bell`.
     """
     if case.blackout is not None:
-        return case_blackout(case).sample(n, seed)
+        return sample_blackout(case, n, seed)
     if case.storm is not None and case.storm.points:
         from resilience.fragility.chain import storm_scenarios
 
@@ -226,7 +235,7 @@ def _blackout(case: Case, n: int, seed: int, days: int | None, shift: float) -> 
             f"{option} of a blackout; allowed: neither of them",
             hint=f"it comes once, over the case's horizon, {case.window}",
         )
-    return case_blackout(case).sample(n, seed)
+    return sample_blackout(case, n, seed)
 
 
 def sample_of(case: Case, process: str, n: int, seed: int) -> Scenarios:
@@ -238,7 +247,7 @@ def sample_of(case: Case, process: str, n: int, seed: int) -> Scenarios:
     if process == "bell":
         return sample_bell(case, case_bell(case), n, seed)
     if process == "blackout":
-        return case_blackout(case).sample(n, seed)
+        return sample_blackout(case, n, seed)
     from resilience.fragility.chain import storm_scenarios
 
     return storm_scenarios(case, n, seed)

@@ -109,6 +109,8 @@ def beyond_dual_bound(world: World) -> str:
     """Why a world has no such bound, in words; empty where it has one."""
     if world.believed != CASE or world.scenarios.seed is None:
         return "the storms are not drawn from the case's own process"
+    if world.microgrid.case.fallible_units:
+        return "units may fail, and what they do next depends on all lines together"
     if not hasattr(world.setting.belief(), "next_down"):
         return "what a storm on its track does next has no closed form"
     return "the state of charge is reset every midnight" if world.reset_daily else ""

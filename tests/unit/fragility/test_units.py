@@ -15,6 +15,7 @@ from resilience.dispatch.sddp.book import Book
 from resilience.errors import CaseError, UsageError
 from resilience.fragility import load_scenarios, moments, reduced, summary
 from resilience.fragility.draw import draw, sample_case
+from resilience.fragility.outages.blackout import case_blackout
 from resilience.fragility.outages.main_grid import MainGrid
 from resilience.fragility.outages.reduction import load_behind_mw
 from resilience.fragility.outages.scenarios import Scenarios
@@ -270,3 +271,18 @@ def test_sddp_refuses_units() -> None:
     fails = [unit.model_copy(update={"availability": 0.5}) for unit in case.ess]
     with pytest.raises(UsageError, match="ess1, ess2, ess3, ess4, ess5 may fail"):
         Book(case.replace(ess=fails))
+
+
+def test_a_blackout_calls_on_units() -> None:
+    """All starts fail, and nobody repairs: out from the blackout's first slot on."""
+    case = load_case("ieee33-fuel")
+    fails = [unit.model_copy(update={"start_failure": 0.999999}) for unit in case.generator]
+    case = case.replace(generator=fails)
+    drawn = sample_case(case, 4, 0)
+    down = dict(zip(drawn.lines, drawn.down, strict=True))
+    (line,) = case_blackout(case).lines
+    begins = down[line][:, 0].argmax()
+    cut_off = [unit.name for unit in fails if down[unit.name][begins].all()]
+    assert cut_off == [unit.name for unit in fails]
+    with pytest.raises(UsageError, match="units may fail"):
+        rs.compare(case, ["comb"], draws=2)
