@@ -95,6 +95,8 @@ def _power(axis: Axes, plan: Plan, hours: Floats) -> None:
     panels.draw_power(axis, hours, fed, intake)
     if "demand" in plan.tables:
         demand, shed = (plan.tables[name].values.sum(0) for name in ("demand", "shed"))
+        if "surplus" in plan.tables:
+            demand = demand + plan.tables["surplus"].values.sum(0)
         panels.draw_demand(axis, hours, demand, shed)
     axis.set_ylabel("power, MW")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6, frameon=False, fontsize=8)

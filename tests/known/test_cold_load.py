@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.optimize import linprog
 
 import resilience as rs
@@ -16,6 +17,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.planning.plan import Plan
 from resilience.simulation.replay import replay
 from resilience.testing import case_optimum, small_case
+from resilience.text.plan import print_case
 
 SHARE, TAU = 0.8, 2.0
 COLD = {"p_max_mw": 1.0, "shed_cost_per_mwh": 50.0, "cold_load_share": SHARE, "cold_load_h": TAU}
@@ -234,3 +236,13 @@ def test_who_cannot_hold_it_says_so() -> None:
     case = case.replace(load=[*cold, *case.load[2:]])
     with pytest.raises(UsageError, match="load1, load2 of case 'ieee33' return with a surplus"):
         Book(case)
+
+
+def test_a_case_tells_of_units_and_loads() -> None:
+    case = scarce().with_generator("generator1", availability=0.9)
+    console = Console(width=100)
+    with console.capture() as captured:
+        print_case(case, console)
+    text = captured.get()
+    assert "units that fail: generator1" in text
+    assert "loads that return with a surplus: load1" in text
