@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.case import Case
+from resilience.case import Case, load_case
 from resilience.fragility.beliefs.belief import Belief, case_belief
 from resilience.fragility.beliefs.history import LineHistory
 from resilience.fragility.beliefs.unit_belief import UnitBelief
@@ -126,3 +126,42 @@ def test_dispatchers_plan_with_units_and_see_no_future() -> None:
     bound = report.trajectories["clairvoyant"].objective(case.terminal_value_per_mwh)
     for name, run in report.trajectories.items():
         assert (run.objective(case.terminal_value_per_mwh) >= bound - 1e-6).all(), name
+
+
+@pytest.mark.parametrize("name", ["ieee33", "ieee33_rammasun", "ieee33-fuel"])
+def test_lines_are_believed_as_they_are_without_units(name: str) -> None:
+    """Of the bell, a storm on its track, and a blackout alike."""
+    case = load_case(name)
+    fails = [unit.model_copy(update={"mttf_h": 20.0, "mttr_h": 5.0}) for unit in case.ess]
+    case = case.replace(ess=fails)
+    lines = draw(load_case(name), 1, 0).lines
+    names = (*lines, *(unit.name for unit in fails))
+    both, alone = believed(case, names), case_belief(case, lines, seed=3)
+    assert (both.daily, both.overnight) == (alone.daily, alone.overnight)
+    assert both.longest_slots == alone.longest_slots
+    t = min(20, case.slots // 4)
+    of_both, of_lines = LineHistory.quiet(len(names), t), LineHistory.quiet(len(lines), t)
+    paths = both.paths(of_both, 12, 400)
+    np.testing.assert_array_equal(paths[: len(lines)], alone.paths(of_lines, 12, 400))
+    chances = both.chances(of_both, 12)
+    np.testing.assert_array_equal(chances[: len(lines)], alone.chances(of_lines, 12))
+    stays = np.exp(-case.step_h / 20.0)
+    assert paths[len(lines) :, 0].mean() == pytest.approx(1.0 - stays, abs=1.0 / 400)
+
+
+def test_a_lost_grid_that_goes_on_asks_for_no_start() -> None:
+    """Sets age in a blackout under way, they are not called on again."""
+    case = load_case("ieee33-fuel")
+    fails = [unit.model_copy(update={"start_failure": 0.9}) for unit in case.generator]
+    case = case.replace(generator=fails)
+    lines = draw(load_case("ieee33-fuel"), 1, 0).lines
+    names, first = (*lines, *(unit.name for unit in fails)), 5
+    down = np.zeros((len(names), case.slots), bool)
+    begins = int(draw(case, 1, 0).down[0, :, 0].argmax())
+    down[: len(lines), begins:] = True
+    belief = believed(case, names)
+    during = belief.paths(history(down, begins + first), 1, 200)
+    assert not during[len(lines) :].any()
+    if begins:
+        before = belief.paths(history(down, begins - 1), 1, 200)
+        assert before[len(lines) :].mean() == pytest.approx(0.9, abs=0.01)
