@@ -1,4 +1,4 @@
-"""Rules for units that fail: what their keys say together, and that a name means one thing."""
+"""Rules for units that fail and loads that return: what keys say together, what a name means."""
 
 from __future__ import annotations
 
@@ -7,15 +7,23 @@ from collections.abc import Iterator
 from resilience.case.checks.parts import Parts
 from resilience.case.document import Finding
 from resilience.case.reading import show
-from resilience.case.schema import UnitTable
+from resilience.case.schema import LoadTable, UnitTable
 
 
 def check_failing(parts: Parts) -> None:
-    """Notes what is wrong with how units fail."""
+    """Notes what is wrong with how units fail, and with what loads return."""
     for kind, unit, title in parts.all_devices():
         if isinstance(unit, UnitTable):
             findings = [*_wrong_name(parts, unit), *_wrong_times(parts, unit)]
             parts.document.add_findings((kind, str(unit.name)), title, findings)
+        if isinstance(unit, LoadTable):
+            parts.document.add_findings((kind, str(unit.name)), title, _wrong_surplus(unit))
+
+
+def _wrong_surplus(load: LoadTable) -> Iterator[Finding]:
+    if load.cold_load_share and load.p_max_mw == 0.0:
+        hint = "a load without active power has no surplus; drop cold_load_share"
+        yield "cold_load_share", f"{load.cold_load_share:g}", "0 where p_max_mw = 0", hint
 
 
 def _wrong_name(parts: Parts, unit: UnitTable) -> Iterator[Finding]:

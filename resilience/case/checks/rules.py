@@ -73,13 +73,6 @@ def _ramped_start_below_minimum(unit: GeneratorTable) -> bool:
 
 RULES = (
     KeyRule(
-        "load",
-        ("cold_load_share", "p_max_mw"),
-        lambda load: load.cold_load_share > 0.0 and load.p_max_mw == 0.0,
-        "0 where p_max_mw = 0",
-        "a load without active power has no surplus; drop cold_load_share",
-    ),
-    KeyRule(
         "ess",
         ("soc_min", "soc_max"),
         lambda unit: unit.soc_min > unit.soc_max,
