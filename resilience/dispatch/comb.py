@@ -171,19 +171,18 @@ def is_small_comb(setting: Setting) -> bool:
 
 def beyond_comb(setting: Setting) -> str:
     """Why a setting is none of a comb, in words; empty where it is one."""
-    if setting.case.blackout is None:
-        return f"case {setting.case.name!r} has no [blackout]"
-    if setting.case.fallible_units:
-        return "units may fail"
-    if setting.believed != CASE:
-        return "operators believe in other scenarios"
-    if isinstance(setting.simulator, MilpSimulator):
-        return "units are committed or ramped, costs curved, or lines switched"
-    if setting.error_correlation is not None:
-        return "load and PV are not as forecast"
-    if setting.microgrid.physics != "copperplate" or setting.reset_daily:
-        return "lines have limits, or the state of charge is reset at midnight"
-    return ""
+    case, limited = setting.case, setting.microgrid.physics != "copperplate"
+    reasons = {
+        f"case {case.name!r} has no [blackout]": case.blackout is None,
+        "units may fail": bool(case.fallible_units),
+        "operators believe in other scenarios": setting.believed != CASE,
+        "units are committed or ramped, costs curved, lines switched, or loads return with a "
+        "surplus": isinstance(setting.simulator, MilpSimulator),
+        "load and PV are not as forecast": setting.error_correlation is not None,
+        "lines have limits, or the state of charge is reset at midnight": limited
+        or setting.reset_daily,
+    }
+    return next((words for words, holds in reasons.items() if holds), "")
 
 
 def comb_optimum(setting: Setting) -> float:

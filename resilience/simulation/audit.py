@@ -263,7 +263,7 @@ class _Judged:
         """What is decided whole is whole."""
         columns = self.form.n_now + np.flatnonzero(self.form.integer)
         off = np.abs(z[columns] - np.round(z[columns]))
-        self.note("integrality", off.reshape(len(columns), len(slots), -1), slots)
+        self.note("integrality", off.reshape(len(columns), len(slots), self.trajectory.n), slots)
 
     def _judge_states(self, slots: Ints) -> None:
         """Energy and fuel of the next slot are those that this one ends with."""
