@@ -169,7 +169,7 @@ class Undecided(Greedy):
         (Prophet, "acts on what happens after slot 4"),
         (Clairvoyant, "acts on what happens after slot 4"),
         (Flat, r"shape \(1, 1\); allowed: \(2, 1\)"),
-        (Undecided, "allowed: finite MW"),
+        (Undecided, "allowed: finite numbers"),
     ],
 )
 def test_a_dispatcher_that_breaks_a_rule_is_caught(
