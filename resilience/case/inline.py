@@ -69,9 +69,13 @@ def _check_ends(document: Document, line: BranchTable, title: str, inline: Inlin
         document.add(_LINE, title, "to", show(line.to), allowed, hint)
         return False
     from_kv, to_kv = (inline.buses[bus].vn_kv for bus in ends)
-    if from_kv != to_kv:
+    if from_kv != to_kv and line.tap_ratio is None:
         value = f"{from_kv:g} kV at one end, {to_kv:g} kV at the other"
-        hint = "put a transformer into a pandapower file, or give both buses one vn_kv"
+        hint = "add tap_ratio = 1.0 if it is a transformer, or give both buses one vn_kv"
         document.add(_LINE, title, "vn_kv", value, "one nominal voltage", hint)
+        return False
+    if line.shift_degree and line.tap_ratio is None:
+        value, allowed = f"{line.shift_degree:g}", "0 without a tap_ratio"
+        document.add(_LINE, title, "shift_degree", value, allowed, "add tap_ratio = 1.0")
         return False
     return True

@@ -175,3 +175,10 @@ def scatter(term: Affine, index: ArrayLike, n: int, labels: Labels | None = None
     index = np.asarray(index, np.intp)
     place = sp.csc_array((np.ones(term.n), index, np.arange(term.n + 1)), shape=(n, term.n))
     return term.mapped(place, labels)
+
+
+def replaced(term: Affine, index: Ints, values: Affine) -> Affine:
+    """The same expressions but for `values` at the places `index`."""
+    keep = np.ones(term.n)
+    keep[index] = 0.0
+    return term * keep + scatter(values, index, term.n)

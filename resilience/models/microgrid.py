@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,7 +32,14 @@ from resilience.models.components import (
 )
 from resilience.models.language.stage import Stage
 from resilience.models.network.graph import bridges, bundle, closable, cycle, joined, merge
-from resilience.models.network.limits import FlowLimits, current_limits, lossless_limits
+from resilience.models.network.limits import (
+    Capacity,
+    FlowLimits,
+    admittances,
+    circulation,
+    current_limits,
+    lossless_limits,
+)
 from resilience.models.network.situation import Islands, Situation
 from resilience.tolerances import INPUT_TOLERANCE
 
@@ -126,14 +134,20 @@ class Microgrid:
     @cached_property
     def energised(self) -> Energised | None:
         """What makes islands alive where that is decided; None where data alone tell."""
-        cell = joined(self.network, ~self.fallible & ~self.network.switchable)
+        cell, sure = self._cells
         names = tuple(self.network.bus_names[k] for k in np.unique(cell, return_index=True)[1])
-        sure = np.zeros(len(names), bool)
-        for fleet in self.fleets.values():
-            sure[cell[fleet.bus[fleet.forms_surely() & ~fleet.may_fail()]]] = True
         lines = next((wire for wire in self._wires if isinstance(wire, Lines)), None)
         energised = Energised(names, cell, sure, tuple(self.fleets.values()), lines)
         return energised if energised.is_decided else None
+
+    @cached_property
+    def _cells(self) -> tuple[Ints, Bools]:
+        """(buses,) number of every bus's cell, and (cells,) whether it is alive for sure."""
+        cell = joined(self.network, ~self.fallible & ~self.network.switchable)
+        sure = np.zeros(len(np.unique(cell)), bool)
+        for fleet in self.fleets.values():
+            sure[cell[fleet.bus[fleet.forms_surely() & ~fleet.may_fail()]]] = True
+        return cell, sure
 
     def forming_in(self, situation: Situation) -> Bools:
         """(buses, nodes) or (buses, 1) `forming`, of units that are in order alone."""
@@ -185,6 +199,9 @@ class Microgrid:
             to_bus=network.to_bus,
             r=network.r_pu,
             x=network.x_pu,
+            ratio=network.ratio,
+            y_from=network.y_from_pu,
+            y_to=network.y_to_pu,
             rating=network.rating_mva,
             limits=self._flow_limits(buses),
             determined=bridges(network),
@@ -195,6 +212,7 @@ class Microgrid:
             v_min=buses.v_min_pu if buses else None,
             v_max=buses.v_max_pu if buses else None,
             losses=self.physics == "distflow",
+            may_be_dark=network.is_charged,
         )
         voltages = [buses] if buses else []
         switches = (
@@ -219,7 +237,8 @@ class Microgrid:
                         hint="give both the same voltage, or a bus each",
                     )
                 low[bus] = high[bus] = v_pu
-        return Buses(self.network.bus_names, low, high)
+        network, (cell, sure) = self.network, self._cells
+        return Buses(network.bus_names, low, high, network.y_bus_pu, sure[cell], network.is_charged)
 
     def _flow_limits(self, buses: Buses | None) -> FlowLimits:
         """What lines can be asked to carry; `buses` have the voltages, if there are any."""
@@ -233,12 +252,34 @@ class Microgrid:
                 for name in names
             ]
         )
-        if buses is None or self.physics == "lindistflow":
-            forth, back = lossless_limits(self.network, capacity)
+        network = self.network
+        if buses is None:
+            return FlowLimits(names, peak, *lossless_limits(network, capacity))
+        capacity, earth = self._with_earth(capacity, buses.v_max_pu)
+        round_pu = circulation(network, buses.v_max_pu)
+        v_sent = buses.v_max_pu[network.from_bus] / network.tap
+        if self.physics == "lindistflow":
+            forth, back = lossless_limits(network, capacity)
+            # Without losses a loop is not closed exactly: room for twice what goes round.
+            for limit in (forth, back):
+                limit[:, 0] += 2.0 * v_sent * round_pu
             return FlowLimits(names, peak, forth, back)
-        current = current_limits(self.network, capacity, buses.v_min_pu)
-        sent = buses.v_max_pu[self.network.from_bus, None] * current
+        current = current_limits(network, capacity, buses.v_min_pu, earth)
+        current[:, 0] += round_pu
+        sent = v_sent[:, None] * current
         return FlowLimits(names, peak, sent, sent, current)
+
+    def _with_earth(self, capacity: Capacity, v_max_pu: Floats) -> tuple[Capacity, Floats]:
+        """What devices can do and admittances to earth, and (buses, 1) the current of the latter.
+
+        Their power is constant, the first of the profiles.
+        """
+        feeds, takes = (y * v_max_pu**2 for y in admittances(self.network))
+        supply, demand = capacity.supply.copy(), capacity.demand.copy()
+        supply[:, 0] += feeds
+        demand[:, 0] += takes
+        earth = (feeds + takes) * math.sqrt(2.0) / v_max_pu  # |y| is sqrt(2) max(|g|, |b|) at most
+        return Capacity(supply, demand, capacity.apparent), earth[:, None]
 
     def stage(self, dt: float, *, energy_known: bool = False, may_spill: bool = False) -> Stage:
         """One step: all components, and `balance` of power at every bus.

@@ -32,6 +32,9 @@ def showcase() -> Stage:
         to_bus=bus + 1,
         r=np.ones(1),
         x=np.ones(1),
+        ratio=np.ones(1, complex),
+        y_from=np.full(1, 1j),
+        y_to=np.full(1, 1j),
         rating=np.ones(1),
         limits=FlowLimits((None,), np.ones(1), *np.ones((3, 1, 1))),
         determined=np.ones(1, bool),
@@ -42,8 +45,10 @@ def showcase() -> Stage:
         v_min=np.full(2, 0.9),
         v_max=np.full(2, 1.1),
         losses=True,
+        may_be_dark=True,
     )
-    Buses(("1", "2"), np.full(2, 0.9), np.full(2, 1.1)).emit(stage)
+    band, shunt, sure = (np.full(2, 0.9), np.full(2, 1.1)), np.full(2, 1j), np.zeros(2, bool)
+    Buses(("1", "2"), *band, shunt, sure, is_charged=True).emit(stage)
     tables = [(kind, kind.showcase()) for kind in fleet_classes()]
     fleets = tuple(kind((table,), bus, frozenset({table.name})) for kind, table in tables)
     for fleet in fleets:

@@ -34,7 +34,13 @@ from resilience.planning.reading.fuel import fuel_notes
 from resilience.planning.reading.reasons import shed_reasons
 from resilience.planning.records import Certificate, Costs, Horizon
 from resilience.planning.scenario_options import ScenarioOptions
-from resilience.planning.tables import SlotTable, balance, tabulate, trip_notes
+from resilience.planning.tables import (
+    SlotTable,
+    balance,
+    copperplate_notes,
+    tabulate,
+    trip_notes,
+)
 from resilience.progress import phase, stopwatch
 from resilience.results import PLAN, SCENARIO_PLAN, ResultKind
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
@@ -175,7 +181,12 @@ def plan_known_outages(
         certificate=point.certificate,
         totals=point.totals,
         horizon=Horizon.of_case(case),
-        notes=[*result.notes, *trip_notes(program.case, point.tables), *point.fuel_notes],
+        notes=[
+            *result.notes,
+            *trip_notes(program.case, point.tables),
+            *point.fuel_notes,
+            *copperplate_notes(program.case, program.microgrid.physics),
+        ],
         not_modelled=[str(omission) for omission in case.omissions],
         seconds_by_phase=seconds,
         tables=point.tables,

@@ -34,7 +34,7 @@ from resilience.planning.scenario_program import (
     ScenarioProgram,
     scenario_program,
 )
-from resilience.planning.tables import SlotTable
+from resilience.planning.tables import SlotTable, copperplate_notes
 from resilience.planning.unreduced import on_all_scenarios
 from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate
@@ -184,6 +184,7 @@ def plan_in_two_stages(
         notes=[
             *([] if status == "optimal" else [_reason(reached, limits.gap, result.late)]),
             *([NOT_FOLLOWED] if everything is not None and unreduced is None else []),
+            *copperplate_notes(case, physics),
         ],
         tables=tables,
         unreduced=unreduced,
@@ -241,7 +242,10 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
             audit_worst=scenario_outcomes.audit_worst,
             cost_scale=scale,
         ),
-        notes=[] if scenarios.represents is None else [NOT_SIMULATED],
+        notes=[
+            *([] if scenarios.represents is None else [NOT_SIMULATED]),
+            *copperplate_notes(case, "copperplate"),
+        ],
         tables=_common_schedule(program, scenario_outcomes, longest),
         mean_value_cost=None,
         value_of_stochastic_solution=None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Complexes, Floats
 from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
@@ -117,13 +117,32 @@ def _wires(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
     if standard.has("bus.v_sq"):
         squares = np.maximum(z[standard.columns("bus.v_sq")], 0.0)
         tables["voltage"] = SlotTable(standard.labels("bus.v_sq"), np.sqrt(squares))
-    for table, name in (("line_power", "line.p"), ("line_reactive", "line.q")):
-        if standard.has(name):
-            tables[table] = SlotTable(standard.labels(name), z[standard.columns(name)])
     if standard.has("line.p"):
+        sent = _sent(program, z)
+        tables["line_power"] = SlotTable(standard.labels("line.p"), sent.real)
+        if standard.has("line.q"):
+            tables["line_reactive"] = SlotTable(standard.labels("line.q"), sent.imag)
         closed = as_switched(program, z).line_up
         tables["line_closed"] = SlotTable(standard.labels("line.p"), closed.astype(float))
     return tables
+
+
+def _sent(program: CaseProgram, z: Floats) -> Complexes:
+    """(lines, slots) MW + j Mvar that leave the first bus of every line, charging included."""
+    standard, network = program.standard, program.microgrid.network
+    sent: Complexes = z[standard.columns("line.p")].astype(complex)
+    if not standard.has("line.q"):
+        return sent
+    sent += 1j * z[standard.columns("line.q")]
+    charged = np.flatnonzero(network.y_from_pu)
+    if not len(charged):
+        return sent
+    v_sq = z[standard.columns("bus.v_sq")][network.from_bus] / network.tap[:, None] ** 2
+    if standard.has("line.from_sq"):
+        rows = [network.line_names.index(name) for name in standard.labels("line.from_sq")]
+        v_sq[rows] = z[standard.columns("line.from_sq")]
+    sent[charged] += network.y_from_pu[charged, None].conj() * v_sq[charged]
+    return sent
 
 
 def _states(program: CaseProgram, z: Floats, situation: Situation) -> dict[str, SlotTable]:
@@ -170,6 +189,20 @@ def trip_notes(case: Case, tables: dict[str, SlotTable]) -> list[str]:
     return [
         f"{table.labels[k]} trips at {case.slot_label(int(t))}, as an outage begins in its island"
         for k, t in np.argwhere(table.values > 0.5)
+    ]
+
+
+def copperplate_notes(case: Case, physics: str) -> list[str]:
+    """A sentence on the power that flows to earth where the physics has no voltages for it."""
+    network = case.network
+    closed = network.in_service | network.switchable
+    ends = (network.y_from_pu / network.tap**2 + network.y_to_pu)[closed]
+    mw = float(network.y_bus_pu.real.sum() + ends.real.sum())
+    if physics != "copperplate" or mw <= 0.0:
+        return []
+    return [
+        f"copperplate leaves out {mw:.4g} MW that flow to earth at 1 pu: shunts, iron losses, "
+        "impedances of loads"
     ]
 
 

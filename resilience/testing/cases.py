@@ -28,7 +28,8 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
     step_min: float = 60.0,
     start: datetime = MIDNIGHT,
     buses: int = 1,
-    lines: Sequence[tuple[int, int, float, float]] = (),
+    lines: Sequence[tuple[int, int, float, float] | tuple[int, int, float, float, DeviceKeys]] = (),
+    bus_tables: Mapping[int, DeviceKeys] | None = None,
     line_tables: Sequence[DeviceKeys] = (),
     tanks: Sequence[DeviceKeys] = (),
     profiles: Mapping[str, Sequence[float]] | None = None,
@@ -45,7 +46,8 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
         step_min: length of a slot, minutes.
         start: of the horizon.
         buses: how many there are.
-        lines: (from, to, r in pu, x in pu), called "from-to".
+        lines: (from, to, r in pu, x in pu), called "from-to"; what else its table says may follow.
+        bus_tables: what the table of a bus says beside, by its number.
         line_tables: `[[line]]` tables.
         tanks: `[[tank]]` tables, called "tank1", "tank2", ...
         profiles: values by name, (slots,) per unit.
@@ -61,8 +63,10 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
     """
     branches = [
         {"from": str(i), "to": str(j), "r_ohm": r * BASE_OHM, "x_ohm": x * BASE_OHM}
-        for i, j, r, x in lines
+        | (dict(keys[0]) if keys else {})
+        for i, j, r, x, *keys in lines
     ]
+    more = bus_tables or {}
     document: dict[str, Any] = {
         "name": "small",
         "terminal_value_per_mwh": terminal_value_per_mwh,
@@ -72,7 +76,9 @@ def small_case(  # noqa: PLR0913 every one is a key of the case
             "v_min_pu": voltage_band_pu[0],
             "v_max_pu": voltage_band_pu[1],
             "parallel_grids": parallel_grids,
-            "bus": [{"name": str(k + 1), "vn_kv": 10.0} for k in range(buses)],
+            "bus": [
+                {"name": str(k), "vn_kv": 10.0} | dict(more.get(k, {})) for k in range(1, buses + 1)
+            ],
             "line": branches,
         },
         "line": [dict(table) for table in line_tables],

@@ -26,7 +26,7 @@ def check_grids(parts: Parts, network: Network) -> None:
         if grid.bus and network.has_bus(grid.bus)
     ]
     fixed = network.in_service & ~network.switchable
-    short = fixed & (network.r_pu == 0.0) & (network.x_pu == 0.0)
+    short = fixed & (network.r_pu == 0.0) & (network.x_pu == 0.0) & (network.tap == 1.0)
     _check_voltages(parts, grids, _joined(network, short))
     if not network.parallel_grids:
         _check_parallel(parts, grids, _joined(network, fixed))

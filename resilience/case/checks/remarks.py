@@ -109,7 +109,8 @@ def _forming_on_nothing(case: Case) -> list[str]:
 
 def _without_reactive_power(case: Case) -> list[str]:
     """A remark on units that can carry an island alone, but not the reactive power of its loads."""
-    if all(load.q_peak_mvar == 0.0 for load in case.tables_of(LoadTable)):
+    charged = case.network.is_charged
+    if not charged and all(load.q_peak_mvar == 0.0 for load in case.tables_of(LoadTable)):
         return []
     units = [
         (f"[[{kind}]] {unit.name}", key)
@@ -121,10 +122,12 @@ def _without_reactive_power(case: Case) -> list[str]:
     if not keys:
         return []
     names = _listed([name for name, _ in units])
+    effect = "sheds every load with a power factor below 1 on lindistflow and distflow"
+    if charged:
+        effect = "has no plan on lindistflow and distflow, as shunts or charging need a match"
     return [
         f"{names}: grid-forming without {' or '.join(keys)}, so without "
-        "reactive power; an island that has no other source of it sheds every load with a power "
-        "factor below 1 on lindistflow and distflow\n"
+        f"reactive power; an island that has no other source of it {effect}\n"
         f"hint: give {' and '.join(keys)}, or set grid_forming = false"
     ]
 

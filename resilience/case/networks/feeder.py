@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -54,6 +55,10 @@ class Branch:
         in_service: False where it exists and is out of use.
         name: the source's; empty where it has none that tells anything.
         course: how it runs; None where the source says nothing of it.
+        ratio: of the ideal transformer at `from_bus`, tap and phase shift.
+        y_from_pu: admittance to earth behind it, pu on 1 MVA.
+        y_to_pu: admittance to earth at `to_bus`, likewise.
+        open_at: `from` or `to` where one end alone is open, and charging hangs at the other.
     """
 
     from_bus: str
@@ -64,6 +69,24 @@ class Branch:
     in_service: bool = True
     name: str = ""
     course: Course | None = None
+    ratio: complex = 1.0
+    y_from_pu: complex = 0.0
+    y_to_pu: complex = 0.0
+    open_at: Literal["", "from", "to"] = ""
+
+    @property
+    def hanging(self) -> tuple[str, complex] | None:
+        """The bus at which an open end hangs, and the admittance that it shows there, pu."""
+        if not self.open_at:
+            return None
+        z = complex(self.r_pu, self.x_pu)
+        near, far = self.y_from_pu, self.y_to_pu
+        if self.open_at == "from":
+            near, far = far, near
+        y = near + far / (1.0 + z * far)
+        if self.open_at == "from":
+            return (self.to_bus, y) if y else None
+        return (self.from_bus, y / abs(self.ratio) ** 2) if y else None
 
     @property
     def title(self) -> str:
@@ -144,6 +167,7 @@ def make_network(
     aliases: dict[str, str] | None = None,
     *,
     limits: Mapping[str, tuple[float, float]] | None = None,
+    shunts: Mapping[str, complex] | None = None,
     placeholder_kv: bool = False,
 ) -> Network:
     """A network of buses and branches.
@@ -153,6 +177,7 @@ def make_network(
         branches: lines and transformers, which name their buses.
         aliases: further names of buses.
         limits: lowest and highest voltage by bus, pu, where the source states them.
+        shunts: admittance by bus, pu on 1 MVA.
         placeholder_kv: the nominal voltages stand for nothing.
 
     Raises:
@@ -166,6 +191,13 @@ def make_network(
     band = [(limits or {}).get(name, default) for name, _ in buses]
     v_min, v_max = np.array(band, dtype=np.float64).reshape(-1, 2).T
     line_names = unique_names(b.title for b in branches)
+    y_bus = np.zeros(len(buses), dtype=np.complex128)
+    for name, y_pu in (shunts or {}).items():
+        if name not in index:
+            value, hint = f"a shunt at bus {name}, which is not there", "add the bus"
+            raise FeederError(("", value, "shunts at buses of the network", hint))
+        y_bus[index[name]] += y_pu
+    hanging = [b.hanging for b in branches]
     return Network(
         bus_names=tuple(name for name, _ in buses),
         vn_kv=np.array([vn for _, vn in buses], dtype=np.float64),
@@ -176,6 +208,10 @@ def make_network(
         to_bus=np.array([index[b.to_bus] for b in branches], dtype=np.int64).reshape(count),
         r_pu=_column(branches, "r_pu"),
         x_pu=_column(branches, "x_pu"),
+        ratio=np.array([b.ratio for b in branches], dtype=np.complex128),
+        y_from_pu=np.array([b.y_from_pu for b in branches], dtype=np.complex128),
+        y_to_pu=np.array([b.y_to_pu for b in branches], dtype=np.complex128),
+        y_bus_pu=y_bus,
         rating_mva=_column(branches, "rating_mva"),
         in_service=np.array([b.in_service for b in branches], dtype=np.bool_),
         switchable=fixed,
@@ -188,6 +224,7 @@ def make_network(
             for name, b in zip(line_names, branches, strict=True)
             if b.course is not None
         },
+        open_ended={n: h for n, h in zip(line_names, hanging, strict=True) if h is not None},
     )
 
 

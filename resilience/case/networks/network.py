@@ -1,4 +1,14 @@
-"""The network of a case: buses and branches in per unit on a base of 1 MVA."""
+r"""The network of a case: buses and branches in per unit on a base of 1 MVA.
+
+A branch from bus $i$ to bus $j$ is a $\pi$ behind an ideal transformer, as in MATPOWER's manual
+(section 3.2): with the ratio $a = \tau e^{\mathrm{j} \varphi}$ it sees $V_i' = V_i / a$, and
+
+$$ I_i = \frac{1}{a^*} \left( y_i V_i' + \frac{V_i' - V_j}{r + \mathrm{j} x} \right), \qquad
+I_j = y_j V_j + \frac{V_j - V_i'}{r + \mathrm{j} x} $$
+
+flow into its two ends. A bus has a shunt $y_b$. An admittance $y = g + \mathrm{j} b$ takes
+$g |V|^2$ MW and feeds in $b |V|^2$ Mvar, as the base is 1 MVA.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +17,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats, Ints
+from resilience.arrays import Bools, Complexes, Floats, Ints
 from resilience.case.networks.course import Course
 from resilience.errors import UsageError, did_you_mean
 
@@ -25,7 +35,14 @@ class Network:
         from_bus: (lines,) position of the bus at one end.
         to_bus: (lines,) position of the bus at the other.
         r_pu: (lines,) resistance, pu on 1 MVA; the impedance scale of the case is already in it.
+            It may be negative, as in equivalents of three windings.
         x_pu: (lines,) reactance, likewise.
+        ratio: (lines,) of the ideal transformer at `from_bus`, in per unit of the nominal voltages:
+            its magnitude is the tap, its angle the phase shift; 1 for a line.
+        y_from_pu: (lines,) admittance to earth behind the ratio, pu on 1 MVA: half the charging of
+            a line, what magnetises a transformer.
+        y_to_pu: (lines,) the same at `to_bus`.
+        y_bus_pu: (buses,) shunts, pu on 1 MVA.
         rating_mva: (lines,) limit of apparent power, MVA; inf for none.
         in_service: (lines,) whether the line is closed at first.
         switchable: (lines,) whether it can be opened and closed.
@@ -35,6 +52,8 @@ class Network:
         placeholder_kv: the nominal voltages stand for nothing, as the source has only per unit.
         aliases: names of buses that a closed switch fuses to the one that stands for them.
         courses: how lines run, by name, of those whose source says anything of it.
+        open_ended: by name, lines that are open at one end only: the bus at which the other end
+            hangs, and the admittance that it shows there, pu on 1 MVA.
     """
 
     bus_names: tuple[str, ...]
@@ -46,6 +65,10 @@ class Network:
     to_bus: Ints
     r_pu: Floats
     x_pu: Floats
+    ratio: Complexes
+    y_from_pu: Complexes
+    y_to_pu: Complexes
+    y_bus_pu: Complexes
     rating_mva: Floats
     in_service: Bools
     switchable: Bools
@@ -55,6 +78,7 @@ class Network:
     placeholder_kv: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
     courses: Mapping[str, Course] = field(default_factory=dict)
+    open_ended: Mapping[str, tuple[str, complex]] = field(default_factory=dict)
     _bus_index: dict[str, int] = field(init=False, repr=False)
     _line_index: dict[str, int] = field(init=False, repr=False)
 
@@ -68,6 +92,21 @@ class Network:
             value = getattr(self, f.name)
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
+
+    @property
+    def tap(self) -> Floats:
+        """(lines,) magnitude of `ratio`."""
+        return np.abs(self.ratio)
+
+    @property
+    def plain(self) -> Bools:
+        """(lines,) branches that are a series impedance and nothing else."""
+        return (self.ratio == 1.0) & (self.y_from_pu == 0.0) & (self.y_to_pu == 0.0)
+
+    @property
+    def is_charged(self) -> bool:
+        """Whether anything flows to earth, at a branch or at a bus."""
+        return bool(self.y_from_pu.any() or self.y_to_pu.any() or self.y_bus_pu.any())
 
     def bus(self, name: str) -> int:
         """The position of a bus.

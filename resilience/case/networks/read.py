@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -88,11 +90,14 @@ def _inline(table: NetworkTable) -> Feeder:
         Branch(
             line.from_,
             line.to,
-            line.r_ohm / vn_kv[line.from_] ** 2,
-            line.x_ohm / vn_kv[line.from_] ** 2,
+            line.r_ohm / vn_kv[line.to] ** 2,
+            line.x_ohm / vn_kv[line.to] ** 2,
             line.rating_mva or float("inf"),
             line.in_service,
             line.name or "",
+            ratio=cmath.rect(line.tap_ratio or 1.0, math.radians(line.shift_degree)),
+            y_from_pu=0.5 * complex(line.g_us, line.b_us) * 1e-6 * vn_kv[line.to] ** 2,
+            y_to_pu=0.5 * complex(line.g_us, line.b_us) * 1e-6 * vn_kv[line.to] ** 2,
         )
         for line in table.line
     ]
@@ -101,7 +106,8 @@ def _inline(table: NetworkTable) -> Feeder:
         for bus in table.bus
         if bus.lon_deg is not None and bus.lat_deg is not None
     }
-    return Feeder(make_network([*vn_kv.items()], branches), places=places)
+    shunts = {bus.name: complex(bus.shunt_p_mw, -bus.shunt_q_mvar) for bus in table.bus}
+    return Feeder(make_network([*vn_kv.items()], branches, shunts=shunts), places=places)
 
 
 def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTable]) -> Network:
@@ -118,8 +124,14 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         i = network.line(line.name)
         switchable[i], breakpoint_[i] = line.switchable, line.breakpoint
         rating[i], cost[i] = line.rating_mva or rating[i], line.switching_cost
+    y_bus = network.y_bus_pu.copy()
+    for name, (end, y_pu) in network.open_ended.items():
+        # A line that the plan may close is whole or gone: then nothing of it hangs at one end.
+        y_bus[network.bus(end)] += 0.0 if switchable[network.line(name)] else y_pu
     return replace(
         network,
+        y_bus_pu=y_bus,
+        open_ended={},
         r_pu=network.r_pu * table.impedance_scale,
         x_pu=network.x_pu * table.impedance_scale,
         v_min_pu=v_min,

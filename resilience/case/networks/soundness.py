@@ -10,6 +10,7 @@ from resilience.arrays import Bools, Floats
 from resilience.case.networks.network import Network
 
 MAX_KV = 1000.0  # of a bus; beyond, V were given as kV
+MAX_TAP = 4.0  # of a ratio in per unit; beyond, kV were given in place of it, or nominal voltages
 _FEW = 5
 
 
@@ -22,6 +23,7 @@ def network_findings(network: Network, key: str = "") -> Iterator[tuple[str, str
     """
     vn_kv, low, high = network.vn_kv, network.v_min_pu, network.v_max_pu
     r, x, rating = network.r_pu, network.x_pu, network.rating_mva
+    charging, shunt = np.abs(network.y_from_pu) + np.abs(network.y_to_pu), np.abs(network.y_bus_pu)
     with np.errstate(invalid="ignore"):
         rules: tuple[tuple[tuple[str, ...], str, Floats, Bools, str], ...] = (
             (network.bus_names, "bus", vn_kv, (vn_kv > 0) & (vn_kv <= MAX_KV),
@@ -29,8 +31,14 @@ def network_findings(network: Network, key: str = "") -> Iterator[tuple[str, str
             (network.bus_names, "bus", low, (low > 0) & np.isfinite(low), "v_min_pu above 0"),
             (network.bus_names, "bus", high, (high >= low) & np.isfinite(high),
              "v_max_pu of v_min_pu or more"),
-            (network.line_names, "branch", r, (r >= 0) & np.isfinite(r), "r_pu of 0 or more"),
+            (network.line_names, "branch", r, np.isfinite(r), "r_pu that is a finite number"),
             (network.line_names, "branch", x, np.isfinite(x), "x_pu that is a finite number"),
+            (network.line_names, "branch", network.tap,
+             (network.tap > 1.0 / MAX_TAP) & (network.tap < MAX_TAP),
+             f"a ratio between {1.0 / MAX_TAP:g} and {MAX_TAP:g} in per unit"),
+            (network.line_names, "branch", charging, np.isfinite(charging),
+             "charging that is a finite number"),
+            (network.bus_names, "bus", shunt, np.isfinite(shunt), "a shunt of finite size"),
             (network.line_names, "branch", rating, rating > 0,
              "rating_mva above 0; no limit where there is none"),
         )  # fmt: skip

@@ -31,12 +31,20 @@ class BusTable(Table):
     v_max_pu: Positive | None = Field(
         None, description="upper voltage limit, pu; else the network's"
     )
+    shunt_p_mw: float = Field(0.0, description="power that its shunts take at 1 pu, MW")
+    shunt_q_mvar: float = Field(
+        0.0,
+        description="reactive power that its shunts take at 1 pu, Mvar; negative for capacitors",
+    )
     lat_deg: float | None = Field(None, ge=-90, le=90, description="latitude, degrees north")
     lon_deg: float | None = Field(None, ge=-180, le=180, description="longitude, degrees east")
 
 
 class BranchTable(Table):
-    """`[[network.line]]`: one line of an inline network."""
+    """`[[network.line]]`: one line or transformer of an inline network.
+
+    A transformer has its ratio at `from` and its impedance in ohm of the voltage at `to`.
+    """
 
     model_config = ConfigDict(populate_by_name=True, validate_by_alias=True)
 
@@ -44,6 +52,16 @@ class BranchTable(Table):
     to: Name = Field(description="name of the bus at the other end")
     r_ohm: float = Field(ge=0, description="series resistance, ohm")
     x_ohm: float = Field(ge=0, description="series reactance, ohm")
+    b_us: float = Field(0.0, description="charging susceptance, microsiemens, half at either end")
+    g_us: float = Field(0.0, description="leakage conductance, microsiemens, half at either end")
+    tap_ratio: Positive | None = Field(
+        None,
+        description="makes it a transformer: its ratio at `from` over that of the two vn_kv; 1 at "
+        "the nominal tap",
+    )
+    shift_degree: float = Field(
+        0.0, description="phase shift of a transformer, degrees that `from` leads `to`"
+    )
     rating_mva: Positive | None = Field(None, description="thermal limit, MVA; absent: none")
     in_service: bool = Field(True, description="false: open, as a tie line in normal operation")
     name: Name | None = Field(None, description='name of the line; default "from-to"')

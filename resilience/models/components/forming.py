@@ -29,6 +29,8 @@ the dark, all or nothing:
 
 $$ p \ge \underline{p} - \overline{P} (1 - a_c), \qquad a_c (1 - a_c) = 0 $$
 
+All or nothing it is, too, where shunts or charging make the voltage of the dark zero.
+
 | symbol | name | unit |
 |---|---|---|
 | $a_c$ | `cell.energised`, at most `cell.alive` (data) | 1 |
@@ -37,7 +39,7 @@ $$ p \ge \underline{p} - \overline{P} (1 - a_c), \qquad a_c (1 - a_c) = 0 $$
 | $\phi_i$ | `generator.on`; `ess.forms` | 1 |
 | $\lambda_i$ | `ess.lacks`, what the storage lacks of $\delta$ | 1 |
 | $\delta$ | 0.1 % of `e_mwh` | MWh |
-| $1 - a_c$ | `cell.pv.dark`, where power must be taken | 1 |
+| $1 - a_c$ | `cell.pv.dark`, where power must be taken; `cell.bus.dark`, with shunts | 1 |
 """
 
 from __future__ import annotations
@@ -50,7 +52,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.profiles import MAX_PU
-from resilience.models.algebra import Affine, Labels, scatter
+from resilience.models.algebra import Affine, Labels, replaced, scatter
 from resilience.models.components.base import AT_BUS, Injection
 from resilience.models.components.fleet import DeviceFleet
 from resilience.models.components.line import Lines
@@ -139,18 +141,24 @@ class Energised:
         forced_mw, alive = stage[fleet.forced][units], stage[AT_BUS][fleet.bus[units]]
         room_mw = MAX_PU * fleet.power_range()[1][units]
         stage.le(f"cell.{fleet.kind}.taken", forced_mw - (1.0 - alive) * room_mw, fed.p[units])
-        cells = np.unique(self.cell[fleet.bus[units]])
+        self._whole(stage, fleet.kind, self.cell[fleet.bus[units]])
+
+    def _whole(self, stage: Stage, kind: str, cells: Ints) -> None:
+        """These cells, of those that are not alive for sure, are energised or dark, not half so."""
+        cells = np.unique(cells)
         cells = cells[~self.sure[cells]]
         names, ones = [self.names[k] for k in cells], np.ones(len(cells))
-        dark = stage.var(f"cell.{fleet.kind}.dark", names, 0.0, 1.0, unit="1", about="is dark")
+        dark = stage.var(f"cell.{kind}.dark", names, 0.0, 1.0, unit="1", about="is dark")
         lit = stage["cell.energised"][cells]
-        stage.eq(f"cell.{fleet.kind}.whole", lit + dark, 1.0)
-        stage.structure(Split, f"cell.{fleet.kind}.whole", (lit, dark), (ones, ones))
+        stage.eq(f"cell.{kind}.whole", lit + dark, 1.0)
+        stage.structure(Split, f"cell.{kind}.whole", (lit, dark), (ones, ones))
 
     def connect(self, stage: Stage) -> None:
         """Ties the cells of an island to each other and to what forms it, behind all devices."""
         for fleet in self.fleets:
             fleet.emit_forming(stage)
+        if "bus.v_sq_min" in stage:
+            self._whole(stage, "bus", self.cell)  # half a voltage would dodge its limits
         n, forms = len(self.names), self._forms(stage) + self.sure.astype(float)
         if len(self.formed):
             forms = forms + scatter(stage["cell.formed"], self.formed, n)
@@ -197,7 +205,7 @@ class Energised:
         if len(switched):
             closed = stage["line.closed"][np.searchsorted(lines.switched, between[switched])]
             stage.switch("cell.flow.switch", flow[switched], closed, float(n))
-            status = _replaced(status, switched, closed)
+            status = replaced(status, switched, closed)
         apart = energised[i] - energised[j]
         stage.switch("cell.alike", apart, 1.0 - status, 1.0)
         incidence = sp.csr_array(
@@ -222,13 +230,6 @@ class Energised:
     def start(self) -> dict[str, Floats]:
         """None."""
         return {}
-
-
-def _replaced(x: Affine, rows: Ints, values: Affine) -> Affine:
-    """The expression x with `values` in some of its rows."""
-    keep = np.ones(x.n)
-    keep[rows] = 0.0
-    return x * keep + scatter(values, rows, x.n)
 
 
 def forming_now(

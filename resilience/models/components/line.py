@@ -10,17 +10,30 @@ $P - r\ell$ and $Q - x\ell$:
 
 $$ v_j = v_i - 2 (r P + x Q) + (r^2 + x^2)\,\ell + \sigma, \qquad \ell\, v_i = P^2 + Q^2 $$
 
-Parallel lines share what they carry as their impedances have it. With one voltage drop, and with
-one angle between their ends, $V_i (V_i - V_j)^* = (P + jQ)(r - jx)$ is the same for all of them:
+Behind a transformer's ratio $a = \tau e^{\mathrm{j} \varphi}$ stands $v_i / \tau^2$ in place of
+$v_i$; the shift $\varphi$ matters only where branches are parallel. Charging
+$y = g + \mathrm{j} b$ at an end takes $g v$ and feeds in $b v$, with $v$ behind the ratio at the
+first end. So $P + g_i v_i / \tau^2$ and $Q - b_i v_i / \tau^2$ leave bus $i$, and what arrives at
+bus $j$ is less by $g_j v_j$ and $-b_j v_j$. A line that is out takes its charging with it: in place
+of $v$ stands
 
-$$ r_1 Q_1 - x_1 P_1 = r_2 Q_2 - x_2 P_2 $$
+$$ w = v - \omega, \qquad 0 \le w \le \overline{V}^2 z, \qquad
+0 \le \omega \le \overline{V}^2 (1 - z) $$
+
+Parallel lines share what they carry as their impedances have it. They have one angle between their
+ends, and $V_i V_j^* = a (v_i / \tau^2 - (r - \mathrm{j} x)(P + \mathrm{j} Q))$ is the same for
+all of them. Its imaginary part, divided by the first one's $e^{\mathrm{j} \varphi}$, gives for two
+lines of equal shift
+
+$$ \tau_1 (r_1 Q_1 - x_1 P_1) = \tau_2 (r_2 Q_2 - x_2 P_2) $$
 
 where both are up (with the other sign on the right if they point in opposite directions).
 
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
 switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
-is a disc, $P^2 + Q^2 \le S^2$, at both ends; without voltages, $|P| \le S$.
+is a disc of what leaves or reaches the buses, charging included, at both ends; without voltages,
+$|P| \le S$.
 
 $\overline{F}$, $\overline{\ell}$ and $\overline{\sigma}$ are there for solvers: 1.1 times what
 devices and the voltage bands of the two ends allow at all (`resilience.models.network.limits`, and
@@ -29,11 +42,13 @@ a switch they are the most of the horizon.
 
 | symbol | name | unit |
 |---|---|---|
-| $P, Q$ | `line.p`, `line.q`, at the sending end | MW, Mvar |
+| $P, Q$ | `line.p`, `line.q`, into the impedance at the sending end | MW, Mvar |
+| $w, \omega$ | `line.from_sq`, `line.to_sq` at charged ends, `line.from_off`, `line.to_off` | pu² |
 | $\ell$ | `line.l`, squared current on a base of 1 MVA | pu |
 | $\sigma$ | `line.gap`, voltage difference across an open line | pu² |
 | $z$ | `line.closed`, only where switchable | 1 |
-| $r, x$ | impedance on a base of 1 MVA | pu |
+| $r, x, g, b$ | impedance and charging on a base of 1 MVA | pu |
+| $\tau, \varphi$ | magnitude and angle of `ratio` | 1, rad |
 | $S$ | `rating_mva` | MVA |
 | $\overline{F}$ | `line.forth`, `line.back` (data), by the direction of flow | MVA |
 | $\overline{\ell}$ | `line.l_max` (data) | pu |
@@ -42,11 +57,12 @@ a switch they are the most of the horizon.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats, Ints
-from resilience.models.algebra import Affine, Labels, scatter, stack
+from resilience.arrays import Bools, Complexes, Floats, Ints
+from resilience.models.algebra import Affine, Labels, replaced, scatter, stack
 from resilience.models.components.base import Injection
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import MARGIN, FlowLimits
@@ -64,6 +80,8 @@ class Lines:
         names: of the lines.
         from_bus, to_bus: indices of the buses at their ends.
         r, x: series impedance, pu.
+        ratio: of the ideal transformer at the first end, tap and phase shift.
+        y_from, y_to: charging at the two ends, pu; the first behind the ratio.
         rating: thermal limit, MVA; infinite without one.
         limits: F in the module's docstring, and what it is made of.
         determined: lines whose flow follows from the injections; elsewhere it may circulate.
@@ -74,6 +92,7 @@ class Lines:
         v_min, v_max: (buses,) lowest and highest voltage, pu; None where there are no voltages, and
             a rating is a bound in place of a disc.
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
+        may_be_dark: a dead island has no voltage; elsewhere it means nothing there.
     """
 
     names: Labels
@@ -81,6 +100,9 @@ class Lines:
     to_bus: Ints
     r: Floats
     x: Floats
+    ratio: Complexes
+    y_from: Complexes
+    y_to: Complexes
     rating: Floats
     limits: FlowLimits
     determined: Bools
@@ -91,6 +113,7 @@ class Lines:
     v_min: Floats | None
     v_max: Floats | None
     losses: bool
+    may_be_dark: bool = False
 
     @property
     def switched(self) -> Ints:
@@ -108,14 +131,69 @@ class Lines:
         if not stage.reactive:
             return Injection(stack([-p, p]), None, np.concatenate([self.from_bus, self.to_bus]))
         q = self._flow(stage, "line.q", (back, forth), "Mvar", "reactive power sent", status)
-        p_end, q_end = self._voltages(stage, p, q, status)
-        self._shared(stage, p, q)
-        rated = np.flatnonzero(np.isfinite(self.rating))
-        stage.disc("line.rating", self.rating[rated], p[rated], q[rated])
-        if self.losses:
-            stage.disc("line.rating_end", self.rating[rated], p_end[rated], q_end[rated])
+        v = stage["bus.v_sq"]
+        v_i, v_j = v[self.from_bus] * (1.0 / self.tap**2), v[self.to_bus]
+        p_end, q_end = self._voltages(stage, p, q, v_i, v_j, status)
+        self._shared(stage, p, q, v_i)
+        p_sent, q_sent = self._charged(stage, "from", (p, q), v_i, status)
+        p_end, q_end = self._charged(stage, "to", (p_end, q_end), v_j, status)
+        rated = np.isfinite(self.rating)
+        self._rate(stage, "line.rating", p_sent, q_sent, rated)
+        charged = (self.y_from != 0.0) | (self.y_to != 0.0)
+        self._rate(stage, "line.rating_end", p_end, q_end, rated & (self.losses | charged))
         bus = np.concatenate([self.from_bus, self.to_bus])
-        return Injection(stack([-p, p_end]), stack([-q, q_end]), bus)
+        return Injection(stack([-p_sent, p_end]), stack([-q_sent, q_end]), bus)
+
+    @property
+    def tap(self) -> Floats:
+        """(lines,) magnitude of the ratio."""
+        return np.abs(self.ratio)
+
+    def _rate(self, stage: Stage, name: str, p: Affine, q: Affine, rated: Bools) -> None:
+        rows = np.flatnonzero(rated)
+        stage.disc(name, self.rating[rows], p[rows], q[rows])
+
+    def _charged(
+        self,
+        stage: Stage,
+        end: Literal["from", "to"],
+        power: tuple[Affine, Affine],
+        v_sq: Affine,
+        closed: Affine | None,
+    ) -> tuple[Affine, Affine]:
+        """MW and Mvar that leave the first bus or reach the second, `power` and charging."""
+        y = self.y_from if end == "from" else self.y_to
+        rows = np.flatnonzero(y)
+        if not len(rows):
+            return power
+        if len(free := rows[(self.fallible | self.switchable)[rows]]):
+            v_sq = replaced(v_sq, free, self._while_up(stage, end, v_sq[free], free, closed))
+        outward = v_sq[rows] * (1.0 if end == "from" else -1.0)
+        n, (p, q) = len(self.names), power
+        return (
+            p + scatter(outward * y.real[rows], rows, n, self.names),
+            q - scatter(outward * y.imag[rows], rows, n, self.names),
+        )
+
+    def _while_up(
+        self, stage: Stage, end: str, v_sq: Affine, free: Ints, closed: Affine | None
+    ) -> Affine:
+        """(free lines,) the squared voltage of an end, 0 while the line is open."""
+        assert self.v_max is not None
+        v_max = self.v_max[self.to_bus] if end == "to" else self.v_max[self.from_bus] / self.tap
+        ceiling, names = v_max[free] ** 2, [self.names[k] for k in free]
+        up = stage["line.up"][free]
+        about = f"squared voltage of the {end} end"
+        end_sq = stage.var(f"line.{end}_sq", names, 0.0, up * ceiling, unit="pu²", about=about)
+        room = ceiling - up * ceiling * ~self.switchable[free]
+        off = stage.var(f"line.{end}_off", names, 0.0, room, unit="pu²", about=f"{about}, open")
+        stage.eq(f"line.{end}_charged", _labelled(end_sq + off - v_sq, tuple(names)))
+        if closed is not None:
+            rows = np.flatnonzero(self.switchable[free])
+            on = closed[np.searchsorted(self.switched, free[rows])]
+            stage.le(f"line.{end}_sq.switch", end_sq[rows], on * ceiling[rows])
+            stage.le(f"line.{end}_off.switch", off[rows], (1.0 - on) * ceiling[rows])
+        return end_sq
 
     def _status(self, stage: Stage) -> Affine | None:
         up = stage.data("line.up", self.names, unit="1", about="whether a line can carry power")
@@ -162,23 +240,23 @@ class Lines:
         """(lines, nodes) `forth`, `back` and `l_max` of lines that are up, at (profiles, nodes)."""
         limits, rating = self.limits, self.rating[:, None]
         forth, back = limits.forth @ profiles, limits.back @ profiles
-        if self.v_min is None:
+        if self.v_min is None or self.v_max is None:
             rated = np.isfinite(rating)
             return np.where(rated, rating, forth), np.where(rated, rating, back), 0.0 * forth
+        v_max = self.v_max[self.from_bus] / self.tap
+        rating = rating + (np.abs(self.y_from) * v_max**2)[:, None]  # charging may set flow off
         forth, back = (np.minimum(flow, MARGIN * rating) for flow in (forth, back))
         if limits.current is None:
             return forth, back, 0.0 * forth
-        by_rating = MARGIN * rating / self.v_min[self.from_bus, None]
+        by_rating = MARGIN * rating / (self.v_min[self.from_bus] / self.tap)[:, None]
         return forth, back, np.minimum(limits.current @ profiles, by_rating) ** 2
 
     def _voltages(
-        self, stage: Stage, p: Affine, q: Affine, closed: Affine | None
+        self, stage: Stage, p: Affine, q: Affine, v_i: Affine, v_j: Affine, closed: Affine | None
     ) -> tuple[Affine, Affine]:
-        v = stage["bus.v_sq"]
-        v_i, v_j = v[self.from_bus], v[self.to_bus]
         drop = v_j - v_i + 2.0 * (p * self.r + q * self.x) - self._gap(stage, closed)
         if not self.losses:
-            stage.tiebreak(q, self.r)
+            stage.tiebreak(q, np.abs(self.r))
             stage.eq("line.voltage", _labelled(drop, self.names))
             return p, q
         limit = stage.data("line.l_max", self.names, unit="pu", about="most squared current")
@@ -195,19 +273,29 @@ class Lines:
         stage.penalty(current * np.where(self.r > 0, self.r, LOSSLESS))
         return p - current * self.r, q - current * self.x
 
-    def _shared(self, stage: Stage, p: Affine, q: Affine) -> None:
+    def _shared(self, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
         """Parallel lines that are both up have one angle between their ends."""
         first, second, sign = self.parallel
         if not len(first):
             return
-        twist = q * self.r - p * self.x
-        limit = 2.0 * np.maximum(*self._peaks[:2]) * (self.r + self.x)
+        tap, shift = self.tap, np.angle(self.ratio)
+        apart = sign * shift[second] - shift[first]
+        twist = (q * self.r - p * self.x) * tap
+        second_twist = twist[second] * (sign * np.cos(apart))
+        if apart.any():
+            along = (v_i - p * self.r - q * self.x) * tap
+            second_twist = second_twist - along[second] * np.sin(apart)
+        limit = 2.0 * np.maximum(*self._peaks[:2]) * (np.abs(self.r) + np.abs(self.x)) * tap
         twist_max = limit[first] + limit[second]
+        if apart.any():
+            assert self.v_max is not None
+            v_max = self.v_max[self.from_bus] ** 2 / tap
+            twist_max = twist_max + np.abs(np.sin(apart)) * v_max[second]
         names = [self.names[k] for k in second]
         up = stage["line.up"]
         free = (2.0 - up[first] - up[second]) * twist_max
         gap = stage.var("line.twist", names, -free, free, unit="pu", about="angle if one is out")
-        stage.eq("line.angle", twist[first] - twist[second] * sign - gap)
+        stage.eq("line.angle", twist[first] - second_twist - gap)
 
     @property
     def parallel(self) -> tuple[Ints, Ints, Floats]:
@@ -243,8 +331,10 @@ class Lines:
         assert self.v_min is not None
         assert self.v_max is not None
         low, high = self.v_min**2, self.v_max**2
-        i, j = self.from_bus, self.to_bus
-        return MARGIN * np.maximum(high[j] - low[i], high[i] - low[j])
+        if self.may_be_dark:
+            low = 0.0 * low
+        i, j, square = self.from_bus, self.to_bus, self.tap**2
+        return MARGIN * np.maximum(high[j] - low[i] / square, high[i] / square - low[j])
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Line status, and limits of flow.
@@ -256,12 +346,14 @@ class Lines:
         up = self.status(situation)
         forth, back, l_max = self._limits(self.limits.values(situation.profile, situation.n))
         self._check_peaks(np.maximum(forth, back).max(1, initial=0.0))
+        # Without a voltage no cone ties a current down.
+        able = up * situation.alive_at(self.from_bus) if self.may_be_dark else up
         data: dict[str, Floats] = {
             "line.up": up,
-            "line.forth": up * forth,
-            "line.back": up * back,
+            "line.forth": able * forth,
+            "line.back": able * back,
         }
-        return data | {"line.l_max": up * l_max} if self.losses else data
+        return data | {"line.l_max": able * l_max} if self.losses else data
 
     def _check_peaks(self, flow: Floats) -> None:
         peak = np.maximum(*self._peaks[:2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -43,11 +44,19 @@ def merge(network: Network, fallible: Bools) -> tuple[Network, Ints]:
         vn_kv=network.vn_kv[first],
         v_min_pu=network.v_min_pu[first],
         v_max_pu=network.v_max_pu[first],
+        y_bus_pu=_summed(network.y_bus_pu, bus_of, len(first)),
         from_bus=bus_of[remaining.from_bus],
         to_bus=bus_of[remaining.to_bus],
         aliases={},
     )
     return merged, bus_of
+
+
+def _summed(values: Complexes, group: Ints, n: int) -> Complexes:
+    """(n,) sums of values over groups."""
+    total = np.zeros(n, np.complex128)
+    np.add.at(total, group, values)
+    return total
 
 
 def joined(network: Network, lines: Bools) -> Ints:
@@ -68,29 +77,43 @@ def bundle(network: Network, fallible: Bools) -> Network:
     """Joins parallel lines that are always closed into one with the same terminal behaviour.
 
     Admittances add up; the rating is reached when the first of them reaches its own. Lines without
-    impedance carry everything, and share it as their ratings allow: no equation says how.
+    impedance carry everything, and share it as their ratings allow: no equation says how. Branches
+    with a ratio or charging are joined where they have the same ratio, and charging in proportion
+    to their series admittance, so that all of it is shared alike; others stay apart.
 
     Args:
         network: only lines that can be closed.
         fallible: (lines,) lines that may fail; they stay alone.
     """
     firm = network.in_service & ~network.switchable & ~fallible
-    groups: dict[tuple[int, int], list[int]] = {}
-    for k in np.flatnonzero(firm):
-        ends = sorted((int(network.from_bus[k]), int(network.to_bus[k])))
-        groups.setdefault((ends[0], ends[1]), []).append(int(k))
+    groups: dict[Hashable, list[int]] = {}
+    for k in np.flatnonzero(firm).tolist():
+        groups.setdefault(_likeness(network, k), []).append(k)
     parallel = [members for members in groups.values() if len(members) > 1]
     if not parallel:
         return network
     r, x, rating = network.r_pu.copy(), network.x_pu.copy(), network.rating_mva.copy()
+    y_from, y_to = network.y_from_pu.copy(), network.y_to_pu.copy()
     keep = np.ones(len(r), bool)
     for members in parallel:
         first, z = members[0], r[members] + 1j * x[members]
         joint, rating[first] = _in_parallel(z, rating[members])
         r[first], x[first] = joint.real, joint.imag
+        y_from[first], y_to[first] = y_from[members].sum(), y_to[members].sum()
         keep[members[1:]] = False
-    joined = replace(network, r_pu=r, x_pu=x, rating_mva=rating)
+    joined = replace(network, r_pu=r, x_pu=x, rating_mva=rating, y_from_pu=y_from, y_to_pu=y_to)
     return _lines(joined, np.flatnonzero(keep))
+
+
+def _likeness(network: Network, k: int) -> Hashable:
+    """What lines have in common that share all they carry as their impedances have it."""
+    i, j = int(network.from_bus[k]), int(network.to_bus[k])
+    if network.plain[k]:
+        return min(i, j), max(i, j)
+    z = complex(network.r_pu[k], network.x_pu[k])
+    # A share of voltage, so that rounding to 1e-12 tells apart what is worth telling apart.
+    shares = [complex(np.round(y * z, 12)) for y in (network.y_from_pu[k], network.y_to_pu[k])]
+    return i, j, complex(network.ratio[k]), *shares, None if z else k
 
 
 def bridges(network: Network) -> Bools:
@@ -128,6 +151,9 @@ def _lines(network: Network, keep: Ints) -> Network:
             "to_bus",
             "r_pu",
             "x_pu",
+            "ratio",
+            "y_from_pu",
+            "y_to_pu",
             "rating_mva",
             "in_service",
             "switchable",

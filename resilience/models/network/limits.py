@@ -22,6 +22,13 @@ $$ |I| \le \overline{I} = \min\{\textstyle\sum_A S_k / \underline{V}_k,
 Where lines make cycles, the two sides may be any: the smaller of two sums that make up a total is
 at most half of it, and the side without a certain bus has at most the total without that bus.
 
+Whatever flows to earth at a bus, shunts and charging, is a device of the size $|y| \overline{V}^2$,
+and of the current $|y| \overline{V}$. A ratio $a$ makes currents larger by $|a|$ and voltages
+smaller. So currents are summed in one frame, in which all ratios are 1: every bus has a scale
+$\kappa$ with $\kappa_i = |a| \kappa_j$ for every line, and its currents count times $\kappa$.
+Where parallel branches have different ratios no frame fits, and the product of all ratios is taken
+instead; besides, a current circulates in them, by what their voltages differ.
+
 Every limit is `MARGIN` times what is proven here, so that an answer which comes near it contradicts
 the proof: `resilience.models.program.referee` looks. The smaller of two sums is chosen once, at
 profiles of 1, which keeps limits linear in the profiles; either sum is a limit at any.
@@ -31,6 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import permutations
 from typing import TYPE_CHECKING
 
 import networkx as nx
@@ -43,6 +51,9 @@ if TYPE_CHECKING:
 
 MARGIN = 1.1
 """Of every auxiliary limit over what is proven; more than a polygon adds to a disc, 1.035."""
+
+SHORT_PU = 1e-6
+"""In place of an impedance of zero, in what circulates between branches."""
 
 Profile = Callable[[str | None], Floats]
 
@@ -97,27 +108,95 @@ def lossless_limits(network: Network, capacity: Capacity) -> tuple[Floats, Float
     if supply is None or demand is None:
         limit = MARGIN * _widest(capacity.supply, capacity.demand)
         wide = np.tile(limit, (len(network.line_names), 1))
-        return wide, wide
+        return wide, wide.copy()
     forth, back = _smaller(supply[0], demand[1]), _smaller(supply[1], demand[0])
     return MARGIN * forth, MARGIN * back
 
 
-def current_limits(network: Network, capacity: Capacity, v_min_pu: Floats) -> Floats:
+def current_limits(
+    network: Network, capacity: Capacity, v_min_pu: Floats, earth: Floats | float = 0.0
+) -> Floats:
     """(lines, profiles) `current` of `FlowLimits`.
 
     Args:
         network: only lines that can be closed.
         capacity: of the devices.
         v_min_pu: (buses,) least voltage of every bus.
+        earth: (buses, 1) most current of all admittances to earth at every bus, pu.
     """
     drawn = capacity.apparent / v_min_pu[:, None]
+    drawn[:, :1] += earth
+    scale, widest = _scales(network)
+    drawn = drawn * scale[:, None]
+    behind = widest / scale[network.to_bus][:, None]  # a ratio from the frame to that of the line
     sides = _sides(network, drawn)
     if sides is not None:
-        return MARGIN * _smaller(*sides)
+        return MARGIN * _smaller(*sides) * behind
     total = drawn.sum(0)
     apart = total - drawn[drawn.sum(1).argmax()]
     limit = _smaller(0.5 * total[None], apart[None])
-    return MARGIN * np.tile(limit, (len(network.line_names), 1))
+    return MARGIN * np.tile(limit, (len(network.line_names), 1)) * behind
+
+
+def admittances(network: Network) -> tuple[Floats, Floats]:
+    """(buses,) what of its admittances to earth feeds in, and what takes, at 1 pu: MVA.
+
+    Those of lines that are open are among them; nothing is set off against anything else.
+    """
+    n, lines = len(network.bus_names), network
+    bus = np.concatenate([np.arange(n), lines.from_bus, lines.to_bus])
+    y = np.concatenate([lines.y_bus_pu, lines.y_from_pu / lines.tap**2, lines.y_to_pu])
+    feeds, takes = np.zeros((2, n))
+    np.add.at(feeds, bus, np.maximum(np.maximum(-y.real, y.imag), 0.0))
+    np.add.at(takes, bus, np.maximum(np.maximum(y.real, -y.imag), 0.0))
+    return feeds, takes
+
+
+def circulation(network: Network, v_max_pu: Floats) -> Floats:
+    """(lines,) most current, pu, that different ratios of parallel branches drive round in them.
+
+    That of two is their difference in voltage over both impedances. Of more, each drives at most
+    that into every other, as long as resistances and reactances have one sign; where they have
+    not, or the branches do not point alike, it is what a short circuit would let through.
+    """
+    current = np.zeros(len(network.line_names))
+    z, v_max = network.r_pu + 1j * network.x_pu, v_max_pu
+    i, j = network.from_bus, network.to_bus
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k, ends in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
+        groups.setdefault((min(ends), max(ends)), []).append(k)
+    for members in groups.values():
+        if len(set(network.ratio[members].tolist())) == 1:
+            continue
+        alike = len(set(i[members].tolist())) == 1
+        if alike and (network.r_pu[members] >= 0).all() and (network.x_pu[members] >= 0).all():
+            for p, k in permutations(members, 2):
+                apart = v_max[i[p]] * abs(1.0 / network.ratio[p] - 1.0 / network.ratio[k])
+                current[p] += apart / max(abs(z[p] + z[k]), SHORT_PU)
+        else:
+            volts = v_max[i[members]] / network.tap[members] + v_max[j[members]]
+            current[members] = volts / np.maximum(np.abs(z[members]), SHORT_PU)
+    return MARGIN * current
+
+
+def _scales(network: Network) -> tuple[Floats, float]:
+    """(buses,) scale of every bus, and 1; or ones and the product of all ratios if none fits."""
+    tap, scale = network.tap, np.ones(len(network.bus_names))
+    if (tap == 1.0).all():
+        return scale, 1.0
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(scale)))
+    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
+        graph.add_edge(*ends, line=k)
+    for component in nx.connected_components(graph):
+        for near, far in nx.bfs_edges(graph, min(component)):
+            k = graph.edges[near, far]["line"]
+            forth = network.from_bus[k] == near
+            scale[far] = scale[near] / tap[k] if forth else scale[near] * tap[k]
+    fits = np.isclose(scale[network.from_bus], tap * scale[network.to_bus], rtol=1e-9)
+    if fits.all():
+        return scale, 1.0
+    return np.ones(len(scale)), float(np.maximum(tap, 1.0 / tap).prod())
 
 
 def _smaller(a: Floats, b: Floats) -> Floats:

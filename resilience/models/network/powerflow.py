@@ -5,14 +5,16 @@ island hangs on one root, the bus whose unit holds the voltage and gives whateve
 leave over: losses, and all reactive power that nobody else feeds in.
 
 Impedances are in pu on one base throughout the network, so all buses are given a rated voltage of
-1 kV, where 1 pu on 1 MVA is 1 ohm; the result is in pu whatever the real voltages are.
+1 kV, where 1 pu on 1 MVA is 1 ohm; the result is in pu whatever the real voltages are. Branches
+with a ratio are generic branches there; whatever flows to earth, charging at the two ends too, is a
+shunt at its bus, on while its branch is closed.
 
 | symbol | name | unit |
 |---|---|---|
 | $P_i, Q_i$ | `p_mw`, `q_mvar`: fed in at bus $i$, net | MW, Mvar |
 | $V_i$ | `v_pu` | pu |
-| $P_{ij}, Q_{ij}$ | `p_line_mw`, `q_line_mvar` at the sending end | MW, Mvar |
-| $\sum_{ij} P_{ij} + P_{ji}$ | `loss_mw` | MW |
+| $P_{ij}, Q_{ij}$ | `p_line_mw`, `q_line_mvar` at the sending end, charging included | MW, Mvar |
+| $\sum_{ij} (P_{ij} + P_{ji}) + \sum_i g_i V_i^2$ | `loss_mw` | MW |
 """
 
 from __future__ import annotations
@@ -25,21 +27,13 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
+from resilience.models.network.power_grid import MEGA, Wires, parts_of, rows_of_members
 from resilience.models.network.situation import Situation
 
 if TYPE_CHECKING:
     from resilience.case import Network
 
-MEGA = 1e6
-RATED_V = 1e3
-SHORT_CIRCUIT_VA = 1e16  # of a root: 1e-10 pu behind it, where the default is 1e-4
-MIN_X_PU = 1e-8  # in place of an impedance of zero, which has no admittance
 MIN_MEMBERS = 32  # members from which a pattern is worth a model of its own
-OUTPUT: Any = {
-    "node": ["u_pu"],
-    "line": ["p_from", "q_from", "s_from", "p_to", "s_to"],
-    "source": ["p", "q"],
-}
 
 
 @dataclass(frozen=True)
@@ -52,7 +46,7 @@ class Flow:
         v_pu: (buses, members), NaN where a bus is dead.
         p_line_mw, q_line_mvar: (lines, members) at the sending end, 0 where nothing flows.
         s_line_mva: (lines, members) apparent power at the end where it is larger.
-        loss_mw: (members,) in all lines.
+        loss_mw: (members,) in all lines and shunts.
         p_root_mw, q_root_mvar: (buses, members) what a root gave beyond `p_mw` and `q_mvar`.
     """
 
@@ -225,69 +219,66 @@ def _solve(members: _Members, group: Ints, solution: Flow) -> None:
     from power_grid_model import PowerGridModel
 
     up, root = members.up[:, group], members.root[:, group]
+    network = members.network
     lines, sources = np.flatnonzero(up.any(axis=1)), np.flatnonzero(root.any(axis=1))
-    model = PowerGridModel(_parts(members.network, lines, sources))
+    wires = Wires.from_lines(network, lines)
+    model = PowerGridModel(parts_of(network, wires, sources))
     live = members.live[:, group]
     update: dict[str, Any] = {
         "sym_gen": {
-            "p_specified": _rows(np.where(live, members.p[:, group], 0.0) * MEGA),
-            "q_specified": _rows(np.where(live, members.q[:, group], 0.0) * MEGA),
+            "p_specified": rows_of_members(np.where(live, members.p[:, group], 0.0) * MEGA),
+            "q_specified": rows_of_members(np.where(live, members.q[:, group], 0.0) * MEGA),
         },
-        "source": {"u_ref": _rows(np.where(root, members.v[:, group], 1.0)[sources])},
+        "source": {"u_ref": rows_of_members(np.where(root, members.v[:, group], 1.0)[sources])},
     }
     if not (up[lines].all() and root[sources].all()):
-        closed = _rows(up[lines].astype(np.int8))
-        update["line"] = {"from_status": closed, "to_status": closed}
-        update["source"]["status"] = _rows(root[sources].astype(np.int8))
+        update |= wires.status(up)
+        update["source"]["status"] = rows_of_members(root[sources].astype(np.int8))
     answer: Any = model.calculate_power_flow(
-        update_data=update, output_component_types=OUTPUT, continue_on_batch_error=True
+        update_data=update,
+        output_component_types=wires.output,
+        continue_on_batch_error=True,
     )
     error = model.batch_error
     if error is not None:
         solution.converged[group[np.asarray(error.failed_scenarios, np.intp)]] = False
     solution.v_pu[:, group] = np.where(live, answer["node"]["u_pu"].T, np.nan)
-    if len(lines):
-        _write_lines(answer["line"], np.ix_(lines, group), solution)
+    if len(wires.line):
+        _write_lines(answer["line"], np.ix_(wires.line, group), solution)
         loss_w = answer["line"]["p_from"] + answer["line"]["p_to"]
         solution.loss_mw[group] = loss_w.sum(axis=1) / MEGA
+    if len(wires.branch) or len(wires.shunt_bus):
+        _write_branches(wires, answer, group, solution)
     places = np.ix_(sources, group)
     solution.p_root_mw[places] = answer["source"]["p"].T / MEGA
     solution.q_root_mvar[places] = answer["source"]["q"].T / MEGA
+
+
+def _write_branches(wires: Wires, answer: Any, group: Ints, solution: Flow) -> None:
+    """Flows of branches with their charging, and the losses of these and of all shunts."""
+    n = len(solution.network.line_names)
+    ends = np.zeros((2, n, len(group)), complex)  # MW + j Mvar into both ends
+    if len(wires.branch):
+        branch = answer["generic_branch"]
+        for k, end in enumerate(("from", "to")):
+            ends[k, wires.branch] = (branch[f"p_{end}"] + 1j * branch[f"q_{end}"]).T / MEGA
+    if len(wires.shunt_bus):
+        earth_mva = (answer["shunt"]["p"] + 1j * answer["shunt"]["q"]).T / MEGA
+        charging = wires.shunt_line >= 0
+        place = wires.shunt_end.astype(int)[charging], wires.shunt_line[charging]
+        np.add.at(ends, place, earth_mva[charging])
+        solution.loss_mw[group] += earth_mva[~charging].real.sum(axis=0)
+    solution.loss_mw[group] += ends.real.sum(axis=(0, 1))
+    places = np.ix_(wires.branch, group)
+    sent = ends[0, wires.branch]
+    solution.p_line_mw[places], solution.q_line_mvar[places] = sent.real, sent.imag
+    solution.s_line_mva[places] = np.abs(ends[:, wires.branch]).max(axis=0)
 
 
 def _write_lines(line: Any, places: tuple[Ints, ...], solution: Flow) -> None:
     solution.p_line_mw[places] = line["p_from"].T / MEGA
     solution.q_line_mvar[places] = line["q_from"].T / MEGA
     solution.s_line_mva[places] = np.maximum(line["s_from"], line["s_to"]).T / MEGA
-
-
-def _rows(values: np.ndarray) -> np.ndarray:
-    """A row per member, as power-grid-model has it."""
-    return np.ascontiguousarray(values.T)
-
-
-def _parts(network: Network, lines: Ints, sources: Ints) -> dict[str, np.ndarray]:
-    """The network as tables of power-grid-model, one injection per bus."""
-    from power_grid_model import initialize_array
-
-    n = len(network.bus_names)
-    first = np.cumsum([0, n, n, len(lines)])
-    node: Any = initialize_array("input", "node", n)
-    node["id"], node["u_rated"] = np.arange(n), RATED_V
-    feed: Any = initialize_array("input", "sym_gen", n)
-    feed["id"], feed["node"], feed["status"] = first[1] + np.arange(n), np.arange(n), 1
-    feed["type"], feed["p_specified"], feed["q_specified"] = 0, 0.0, 0.0
-    line: Any = initialize_array("input", "line", len(lines))
-    line["id"] = first[2] + np.arange(len(lines))
-    line["from_node"], line["to_node"] = network.from_bus[lines], network.to_bus[lines]
-    line["from_status"], line["to_status"] = 1, 1
-    r, x = network.r_pu[lines], network.x_pu[lines]
-    line["r1"], line["x1"] = r, np.where(np.hypot(r, x) < MIN_X_PU, MIN_X_PU, x)
-    line["c1"], line["tan1"] = 0.0, 0.0
-    source: Any = initialize_array("input", "source", len(sources))
-    source["id"], source["node"] = first[3] + np.arange(len(sources)), sources
-    source["status"], source["u_ref"], source["sk"] = 1, 1.0, SHORT_CIRCUIT_VA
-    return {"node": node, "sym_gen": feed, "line": line, "source": source}
 
 
 def _mask(solution: Flow) -> None:

@@ -158,12 +158,16 @@ def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
 
 
 def _at_rating(program: CaseProgram, z: Floats) -> Bools:
+    """(lines, slots) whether a line is at its rating at either end."""
     standard, network = program.standard, program.microgrid.network
+    limit = network.rating_mva[:, None] * RATING_SHARE - AT_LIMIT_TOLERANCE
+    near = np.zeros((len(network.line_names), program.situation.n), bool)
     if not standard.has("line.p"):
-        return np.zeros((len(network.line_names), program.situation.n), bool)
-    flow = z[standard.columns("line.p")] ** 2
-    if standard.has("line.q"):
-        flow = flow + z[standard.columns("line.q")] ** 2
-    rating = network.rating_mva[:, None]
-    near = np.isfinite(rating) & (np.sqrt(flow) >= rating * RATING_SHARE - AT_LIMIT_TOLERANCE)
+        return near
+    near |= np.isfinite(limit) & (np.abs(z[standard.columns("line.p")]) >= limit)
+    for structure in standard.structures:
+        if structure.name in ("line.rating", "line.rating_end"):
+            rows = [network.line_names.index(name) for name in structure.labels]
+            length = np.sqrt(sum(x**2 for x in structure.values(z)))
+            near[rows] |= limit[rows] <= length.reshape(-1, len(rows)).T
     return near & as_switched(program, z).line_up
