@@ -1,15 +1,16 @@
 """MATPOWER case files (`.m`, format version 2) as feeders.
 
-Taken over are series impedances, ratings, voltage limits, loads, and generators with their limits
-and costs; a generator that can only take is a load with a price. What else the file states is
-listed in `Feeder.omissions`.
+Taken over are branches with their taps, phase shifts, charging and ratings, shunts, voltage limits,
+loads, and generators with their limits and costs; a generator that can only take is a load with a
+price. What else the file states is listed in `Feeder.omissions`.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -118,12 +119,16 @@ def _feeder(tables: dict[str, Floats], fuels: list[str], others: list[str]) -> F
     every, base_mva = tables["bus"], float(tables["baseMVA"])
     bus = every[every[:, _BUS["BUS_TYPE"]] != _ISOLATED]
     names = {int(row[0]): str(int(row[0])) for row in bus}
-    rows, branches = _branches(tables["branch"], names, base_mva)
+    branches = _branches(tables["branch"], names, base_mva)
     kv = bus[:, _BUS["BASE_KV"]]
     network = make_network(
         list(zip(names.values(), kv.tolist(), strict=True)),
         branches,
         limits=_limits(bus, names),
+        shunts={
+            name: complex(*row[[_BUS["GS"], _BUS["BS"]]])
+            for name, row in zip(names.values(), bus, strict=True)
+        },
         placeholder_kv=len(kv) > 1 and bool((kv == 1.0).all()),
     )
     reference = {names[int(row[0])] for row in bus if row[1] == _REFERENCE}
@@ -146,7 +151,6 @@ def _feeder(tables: dict[str, Floats], fuels: list[str], others: list[str]) -> F
         generator=generators,
         grid=grid,
         omissions=(
-            *_of_branches(rows, network.line_names, base_mva),
             *_of_buses(every, names),
             *_of_units(generators, grid, driven, by_drive["ess"]),
             *_of_file(network.placeholder_kv, network.bus_names, others),
@@ -154,20 +158,33 @@ def _feeder(tables: dict[str, Floats], fuels: list[str], others: list[str]) -> F
     )
 
 
-def _branches(
-    table: Floats, names: dict[int, str], base_mva: float
-) -> tuple[list[Floats], list[Branch]]:
-    """The rows of branches between buses that are not isolated, and the branches."""
-    rows = [row for row in table if int(row[0]) in names and int(row[1]) in names]
+def _branches(table: Floats, names: dict[int, str], base_mva: float) -> list[Branch]:
+    """The branches between buses that are not isolated."""
     branches = []
-    for row in rows:
-        rate = float(row[_BRANCH["RATE_A"]])
+    for row in table:
+        start, stop = names.get(int(row[0])), names.get(int(row[1]))
+        if start is None or stop is None:
+            continue
+        rate, tap, shift, b = (
+            float(row[_BRANCH[key]]) for key in ("RATE_A", "TAP", "SHIFT", "BR_B")
+        )
         r_pu, x_pu = (float(row[_BRANCH[key]]) / base_mva for key in ("BR_R", "BR_X"))
-        # MATPOWER writes 0 for no limit, and exports NaN.
-        rating = math.inf if rate == 0 or math.isnan(rate) else rate
-        up = bool(row[_BRANCH["BR_STATUS"]] > 0)
-        branches.append(Branch(names[int(row[0])], names[int(row[1])], r_pu, x_pu, rating, up))
-    return rows, branches
+        half = complex(0.0, 0.5 * b * base_mva)
+        branches.append(
+            Branch(
+                start,
+                stop,
+                r_pu,
+                x_pu,
+                # MATPOWER writes 0 for no limit, and exports NaN.
+                rating_mva=math.inf if rate == 0 or math.isnan(rate) else rate,
+                in_service=bool(row[_BRANCH["BR_STATUS"]] > 0),
+                ratio=cmath.rect(tap or 1.0, math.radians(shift)),
+                y_from_pu=half,
+                y_to_pu=half,
+            )
+        )
+    return branches
 
 
 def _limits(bus: Floats, names: dict[int, str]) -> dict[str, tuple[float, float]]:
@@ -256,25 +273,7 @@ def _flexible(unit: SourceDevice) -> SourceDevice:
     return SourceDevice(name, unit.bus, -unit.p_min_mw, q_mvar, cost=unit.cost)
 
 
-def _of_branches(rows: list[Floats], names: tuple[str, ...], base_mva: float) -> Iterator[Omission]:
-    def where(
-        key: str, differs: Callable[[float], bool], size: float = 1.0
-    ) -> list[tuple[str, float]]:
-        column = [float(row[_BRANCH[key]]) for row in rows]
-        return [(n, v * size) for n, v in zip(names, column, strict=True) if differs(v)]
-
-    taps = where("TAP", lambda ratio: ratio not in (0.0, 1.0))
-    yield from omission("tap", [(f"{name}: {ratio:g}", ratio) for name, ratio in taps])
-    shifts = where("SHIFT", lambda degrees: degrees != 0.0)
-    yield from omission("phase shift", [(f"{n}: {degrees:g} deg", 0.0) for n, degrees in shifts])
-    yield from omission("charging", where("BR_B", lambda b: b != 0.0, base_mva), "Mvar")
-
-
 def _of_buses(every: Floats, names: dict[int, str]) -> Iterator[Omission]:
-    for element, key, unit in (("shunt conductance", "GS", "MW"), ("shunt", "BS", "Mvar")):
-        rows = [row for row in every if int(row[0]) in names and row[_BUS[key]] != 0.0]
-        shunts = [(names[int(row[0])], float(row[_BUS[key]])) for row in rows]
-        yield from omission(element, shunts, unit)
     pinned = [
         (names[int(row[0])], 0.0) for row in every if int(row[0]) in names and _is_pinned(row)
     ]

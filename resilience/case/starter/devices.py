@@ -8,7 +8,11 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from resilience.arrays import Complexes
 from resilience.case.networks.feeder import Feeder, SourceDevice, unique_names
+from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission, omission
 
 _MAX_CURRENT_KA = 9.0
@@ -48,8 +52,8 @@ class _Sizes:
     """What the feeder's loads come to, and what had to be cut.
 
     Attributes:
-        load_mw: all loads, MW.
-        load_mvar: all loads, either way, Mvar.
+        load_mw: all loads, and what flows to earth at 1 pu, MW.
+        load_mvar: likewise, either way, Mvar.
         fed_mw: all that is fed in whatever is decided, MW.
         cut: devices that are smaller in the case, with the MW that they lack.
     """
@@ -62,10 +66,11 @@ class _Sizes:
 
 def device_tables(feeder: Feeder) -> tuple[str, list[Omission]]:
     """The tables of all devices as TOML, and what of them is left out."""
-    loads = [*feeder.load, *feeder.flexible]
+    loads, earth = [*feeder.load, *feeder.flexible], _admittances(feeder.network)
     sizes = _Sizes(
-        load_mw=sum(max(load.p_mw, 0.0) for load in loads),
-        load_mvar=sum(abs(load.q_mvar) for load in [*loads, *feeder.static]),
+        load_mw=sum(max(load.p_mw, 0.0) for load in loads) + float(np.abs(earth.real).sum()),
+        load_mvar=sum(abs(load.q_mvar) for load in [*loads, *feeder.static])
+        + float(np.abs(earth.imag).sum()),
         fed_mw=sum(max(-load.p_mw, 0.0) for load in loads),
     )
     entries = [
@@ -87,6 +92,14 @@ def device_tables(feeder: Feeder) -> tuple[str, list[Omission]]:
         *omission("unit of no size", [(name, 0.0) for name in idle]),
         *omission("device beyond a busbar's current", sizes.cut, "MW", "cut to 9 kA"),
     ]
+
+
+def _admittances(network: Network) -> Complexes:
+    """Everything at buses and branches that flows to earth, pu on 1 MVA."""
+    hanging = [y_pu for _, y_pu in network.open_ended.values()]
+    in_use = network.in_service
+    ends = network.y_from_pu[in_use] / network.tap[in_use] ** 2, network.y_to_pu[in_use]
+    return np.concatenate([network.y_bus_pu, *ends, hanging])
 
 
 def _gives_q(unit: SourceDevice) -> bool:

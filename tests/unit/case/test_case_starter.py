@@ -144,6 +144,6 @@ def test_a_network_file_is_named_from_the_folder_of_the_case(tmp_path):
 
 def test_the_first_lines_say_what_is_left_out(tmp_path):
     path = matpower(tmp_path)
-    path.write_text(path.read_text().replace("0 0 0 0 0 0 1 -360", "0 0 0 0 0.95 0 1 -360"))
+    path.write_text(path.read_text() + "mpc.reserves = [\n1;\n];\n")
     head = starter(str(path)).text.split("name =")[0]
-    assert "# Of the network, not in this case:\n# - 1 tap (1-2: 0.95)\n" in head
+    assert "# Of the network, not in this case:\n# - 1 table (mpc.reserves)\n" in head
