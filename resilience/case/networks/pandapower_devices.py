@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -119,6 +120,28 @@ def _power(row: Row) -> tuple[float, float]:
     return number(row, "p_mw", 0.0), number(row, "q_mvar", 0.0)
 
 
+def _constant(row: Row) -> tuple[float, float]:
+    """What of a load is no constant impedance."""
+    (p_mw, q_mvar), (p_share, q_share) = _power(row), _shares(row, "z")
+    return p_mw * (1.0 - p_share), q_mvar * (1.0 - q_share)
+
+
+def impedance_of_load(row: Row) -> tuple[float, float]:
+    """MW and Mvar at 1 pu of the constant impedance that is in a load."""
+    (p_mw, q_mvar), (p_share, q_share) = _power(row), _shares(row, "z")
+    return p_mw * p_share * _scaling(row), q_mvar * q_share * _scaling(row)
+
+
+def _shares(row: Row, kind: str) -> tuple[float, float]:
+    """Shares of active and of reactive power that are a constant current (i) or impedance (z).
+
+    Files before pandapower 3 have one number for both.
+    """
+    both = number(row, f"const_{kind}_percent", 0.0)
+    p, q = (number(row, f"const_{kind}_{power}_percent", both) / 100.0 for power in "pq")
+    return p, q
+
+
 def _sum(row: Row) -> tuple[float, float]:
     p, q = ([number(row, f"{x}_{phase}_{unit}", 0.0) for phase in _PHASES] for x, unit in _UNITS)
     return sum(p), sum(q)
@@ -142,7 +165,7 @@ def _motor(row: Row) -> tuple[float, float]:
 
 def _loads(reader: _Reader) -> Iterator[SourceDevice]:
     kinds: tuple[tuple[str, Powers], ...] = (
-        ("load", _power),
+        ("load", _constant),
         ("asymmetric_load", _sum),
         ("ward", _ward),
         ("xward", _ward),
@@ -280,8 +303,16 @@ def _other_physics(reader: _Reader) -> Iterator[Omission]:
 
     constant = "constant power"
     yield from omission("motor", sized("motor", _motor), "MW", constant)
-    zip_loads = sized("load", _power, _depends_on_voltage)
-    yield from omission("voltage-dependent load", zip_loads, "MW", constant)
+    for letter, element, instead in (
+        ("z", "impedance in a load", "a shunt of its bus, never shed"),
+        ("i", "constant current in a load", constant),
+    ):
+        rows = [(row, title) for row, title, _ in reader.rows("load") if any(_shares(row, letter))]
+        sizes = [
+            (title, math.hypot(*map(operator.mul, _power(row), _shares(row, letter))))
+            for row, title in rows
+        ]
+        yield from omission(element, sizes, "MVA", instead)
     yield from omission("asymmetric load", sized("asymmetric_load", _sum), "MW", "summed up")
     yield from omission("asymmetric sgen", sized("asymmetric_sgen", _sum), "MW", "summed up")
     yield from omission("load at scaling 0", sized("load", _power, off), "MW")
@@ -290,13 +321,6 @@ def _other_physics(reader: _Reader) -> Iterator[Omission]:
         "sgen", _power, lambda row: _driven_by(row) == "generator" and not _is_machine(row)
     )
     yield from omission("sgen of unknown type", unknown, "MW", "generators that can be called on")
-    for kind in ("ward", "xward"):
-        impedance = [
-            (title, math.hypot(*(number(row, key, 0.0) for key in ("pz_mw", "qz_mvar"))))
-            for row, title, _ in reader.rows(kind)
-        ]
-        impedances = [(title, size) for title, size in impedance if size > 0]
-        yield from omission(f"impedance of a {kind}", impedances, "MVA")
     sources = [(title, 0.0) for _, title, _ in reader.rows("xward")]
     yield from omission("held voltage of an xward", sources)
     yield from _of_storages(reader)
@@ -313,15 +337,6 @@ def _of_storages(reader: _Reader) -> Iterator[Omission]:
     yield from omission("self-discharge of a storage", losing)
     moving = [(title, q) for row, title in rows if (q := _power(row)[1])]
     yield from omission("reactive power of a storage", moving, "Mvar")
-
-
-def _depends_on_voltage(row: Row) -> bool:
-    """Whether a share of a load is a constant current or impedance, under old names or new."""
-    return any(
-        number(row, f"const_{share}{power}_percent", 0.0) != 0.0
-        for share in "zi"
-        for power in ("", "_p", "_q")
-    )
 
 
 def _held(machines: Iterable[SourceDevice]) -> list[Omission]:

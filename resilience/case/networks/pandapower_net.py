@@ -1,19 +1,18 @@
 """pandapower networks as feeders: buses, branches and switches.
 
-Lines, two-winding transformers, impedances and bus-bus switches with an impedance become series
-branches on 1 MVA; taps stand at neutral, shunt admittances are left out and listed. Closed bus-bus
-switches fuse buses. An open switch at a line or transformer takes it out of service.
+Closed bus-bus switches fuse buses. Branches are in `pandapower_branches`, what flows to earth at
+buses is here, and what is left out is listed.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
-from resilience.case.networks.course import pandapower_courses
 from resilience.case.networks.feeder import (
     V_MAX_PU,
     V_MIN_PU,
@@ -23,7 +22,8 @@ from resilience.case.networks.feeder import (
     make_network,
 )
 from resilience.case.networks.omissions import omission
-from resilience.case.networks.pandapower_devices import devices
+from resilience.case.networks.pandapower_branches import branches_of, hanging_at_dead_buses
+from resilience.case.networks.pandapower_devices import devices, impedance_of_load
 from resilience.case.networks.pandapower_omissions import omissions
 from resilience.case.networks.pandapower_tables import (
     Row,
@@ -43,8 +43,6 @@ _REFUSED = {
     "vsc": "converter",
     "b2b_vsc": "back-to-back converter",
 }
-_NO_LIMIT_KA = 9999.0
-"""pandapower writes 99999 kA where the source gives no limit."""
 _ENDS = ("bus", "from_bus", "to_bus", "hv_bus", "lv_bus")
 _PERCENT = ("max_loading_percent",)
 _POSITIVE = {
@@ -105,10 +103,11 @@ def feeder_from_tables(tables: Tables, key: str, source: str) -> Feeder:
     vn_kv = {names[int(r["index"])]: number(r, "vn_kv", math.nan) for r in rows}
     aliases = _fuse(tables, names)
     buses = [(name, vn) for name, vn in vn_kv.items() if name not in aliases]
-    every = list(_branches(tables, names, vn_kv))
+    every = list(branches_of(tables, names, vn_kv))
     branches = [branch for branch in every if not _loop(branch, aliases)]
     limits, pinned = _limits(tables, names, aliases)
-    network = make_network(buses, branches, aliases, limits=limits)
+    shunts = _sums([*_shunts(tables, names, vn_kv), *hanging_at_dead_buses(tables, names, vn_kv)])
+    network = make_network(buses, branches, aliases, limits=limits, shunts=shunts)
     units = devices(tables, names, aliases)
     return Feeder(
         network,
@@ -146,6 +145,9 @@ def _unsound(tables: Tables) -> Iterator[tuple[str, str, str]]:
                 default = math.nan if key in _NEEDED[kind] else 1.0
                 if not number(row, key, default) > 0:
                     yield f"{where}: {key} is {row.get(key)}", "a number above 0", "mend the row"
+            if kind == "line" and number(row, "r_ohm_per_km", 0.0) < 0:
+                value = f"{where}: r_ohm_per_km is {row['r_ohm_per_km']}"
+                yield value, "a number of 0 or more", "mend the row, or make it an impedance"
 
 
 def _limits(
@@ -172,6 +174,32 @@ def _limits(
         for bus, (low, high) in limits.items()
         if bus not in pinned
     }, sorted(pinned)
+
+
+def _shunts(
+    tables: Tables, names: Mapping[int, str], vn_kv: Mapping[str, float]
+) -> Iterator[tuple[str, complex]]:
+    """Buses and admittances, pu on 1 MVA: of shunts, of wards, of loads' constant impedances."""
+    for row in active(tables, "shunt"):
+        if bus := names.get(int(row["bus"])):
+            square = (vn_kv[bus] / number(row, "vn_kv", vn_kv[bus])) ** 2
+            p, q = number(row, "p_mw", 0.0), number(row, "q_mvar", 0.0)
+            yield bus, complex(p, -q) * number(row, "step", 1.0) * square
+    for kind in ("ward", "xward"):
+        for row in active(tables, kind):
+            if bus := names.get(int(row["bus"])):
+                yield bus, complex(number(row, "pz_mw", 0.0), -number(row, "qz_mvar", 0.0))
+    for row in active(tables, "load"):
+        if bus := names.get(int(row["bus"])):
+            p, q = impedance_of_load(row)
+            yield bus, complex(p, -q)
+
+
+def _sums(shunts: Iterable[tuple[str, complex]]) -> dict[str, complex]:
+    total: dict[str, complex] = defaultdict(complex)
+    for bus, y_pu in shunts:
+        total[bus] += y_pu
+    return total
 
 
 def _places(rows: list[Row], names: dict[int, str]) -> dict[str, tuple[float, float]]:
@@ -209,72 +237,3 @@ def _fuse(tables: Tables, names: dict[int, str]) -> dict[str, str]:
 def _loop(branch: Branch, aliases: dict[str, str]) -> bool:
     ends = (branch.from_bus, branch.to_bus)
     return aliases.get(ends[0], ends[0]) == aliases.get(ends[1], ends[1])
-
-
-def _branches(tables: Tables, names: dict[int, str], vn_kv: dict[str, float]) -> Iterator[Branch]:
-    opened = {
-        (row["et"], int(row["element"])) for row in tables.get("switch", []) if not row["closed"]
-    }
-    kinds: tuple[tuple[str, Parameters, tuple[str, str], str], ...] = (
-        ("line", _line, ("from_bus", "to_bus"), "l"),
-        ("trafo", _trafo, ("hv_bus", "lv_bus"), "t"),
-        ("impedance", _impedance, ("from_bus", "to_bus"), ""),
-    )
-    for kind, parameters, ends, switch in kinds:
-        rows = tables.get(kind, [])
-        courses = pandapower_courses(rows) if kind == "line" else {}
-        labels = source_names(rows) or {}
-        for row in rows:
-            start, stop = (names.get(int(row[end])) for end in ends)
-            if start is None or stop is None:
-                continue
-            index = int(row["index"])
-            r_pu, x_pu, rating = parameters(row, vn_kv[start], vn_kv[stop])
-            up = bool(row.get("in_service", True)) and (switch, index) not in opened
-            name, course = labels.get(index, ""), courses.get(index)
-            yield Branch(start, stop, r_pu, x_pu, rating, up, name, course)
-    yield from _switch_branches(tables, names, vn_kv)
-
-
-def _switch_branches(
-    tables: Tables, names: dict[int, str], vn_kv: dict[str, float]
-) -> Iterator[Branch]:
-    for row in tables.get("switch", []):
-        z_ohm = number(row, "z_ohm", 0.0)
-        if row["et"] == "b" and row["closed"] and z_ohm > 0:
-            start, stop = names.get(int(row["bus"])), names.get(int(row["element"]))
-            if start is not None and stop is not None:
-                yield Branch(start, stop, z_ohm / vn_kv[start] ** 2, 0.0)
-
-
-Parameters = Callable[[Row, float, float], tuple[float, float, float]]
-"""Resistance and reactance, pu, and rating, MVA, of a row between two nominal voltages, kV."""
-
-
-def _line(row: Row, vn_kv: float, _: float) -> tuple[float, float, float]:
-    parallel = number(row, "parallel", 1.0)
-    scale = number(row, "length_km", math.nan) / parallel / vn_kv**2
-    limit_ka = number(row, "max_i_ka", math.inf)
-    if limit_ka >= _NO_LIMIT_KA or limit_ka == 0:
-        limit_ka = math.inf
-    loading = number(row, "max_loading_percent", 100.0) / 100.0
-    rating = limit_ka * number(row, "df", 1.0) * parallel * loading * math.sqrt(3.0) * vn_kv
-    r_ohm, x_ohm = (number(row, f"{axis}_ohm_per_km", math.nan) for axis in "rx")
-    return r_ohm * scale, x_ohm * scale, rating
-
-
-def _trafo(row: Row, _: float, vn_lv_kv: float) -> tuple[float, float, float]:
-    parallel, sn_mva = number(row, "parallel", 1.0), float(row["sn_mva"])
-    scale = (float(row["vn_lv_kv"]) / vn_lv_kv) ** 2 / sn_mva / parallel / 100.0
-    vk, vkr = float(row["vk_percent"]), float(row["vkr_percent"])
-    loading = number(row, "max_loading_percent", 100.0) / 100.0
-    rating = sn_mva * number(row, "df", 1.0) * parallel * loading
-    # MATPOWER branches that pandapower turned into transformers without a limit carry 99999 MVA.
-    rating = math.inf if rating >= _NO_LIMIT_KA else rating
-    x_percent = math.copysign(math.sqrt(max(vk**2 - vkr**2, 0.0)), vk)
-    return vkr * scale, x_percent * scale, rating
-
-
-def _impedance(row: Row, _: float, __: float) -> tuple[float, float, float]:
-    sn_mva = float(row["sn_mva"])
-    return float(row["rft_pu"]) / sn_mva, float(row["xft_pu"]) / sn_mva, math.inf

@@ -7,7 +7,8 @@ import pytest
 
 from resilience.case import load_case
 from resilience.case.networks.feeder import FeederError
-from resilience.case.networks.pandapower_net import _trafo, feeder_by_name, feeder_from_tables
+from resilience.case.networks.pandapower_branches import _trafo
+from resilience.case.networks.pandapower_net import feeder_by_name, feeder_from_tables
 from resilience.case.networks.pandapower_tables import tables_of_call
 from resilience.case.networks.read import read_feeder
 from resilience.case.schema import NetworkTable
@@ -28,7 +29,7 @@ def solved_branches(net, pp) -> np.ndarray:
     """Return r and x on 1 MVA of the lines and transformers in pandapower's own power flow."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="pandapower")
-        pp.runpp(net, numba=False, trafo_model="pi", calculate_voltage_angles=False)
+        pp.runpp(net, numba=False, calculate_voltage_angles=False)
     rows = [range(*net._pd2ppc_lookups["branch"].get(kind, (0, 0))) for kind in ("line", "trafo")]
     branch = net._ppc["branch"].real[[*rows[0], *rows[1]]]
     return branch[:, [BRANCH_R, BRANCH_X]] / net.sn_mva
@@ -238,7 +239,8 @@ def test_a_transformer_whose_resistance_is_all_of_its_impedance_has_no_reactance
         "sn_mva": 0.4, "vn_lv_kv": 0.42, "vk_percent": 3.0, "vkr_percent": 3.001,
         "parallel": 2, "df": 0.9, "max_loading_percent": 80.0,
     }  # fmt: skip
-    r_pu, x_pu, rating = _trafo(row, 11.0, 0.38)
+    pi = _trafo(row, 11.0, 0.38, 50.0)
+    r_pu, x_pu, rating = pi.z_pu.real, pi.z_pu.imag, pi.rating_mva
     assert r_pu == pytest.approx(0.03001 / 0.4 / 2 * (0.42 / 0.38) ** 2)
     assert x_pu == 0.0
     assert rating == pytest.approx(0.4 * 0.9 * 2 * 0.8)

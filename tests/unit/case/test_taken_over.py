@@ -53,17 +53,11 @@ def asked_in(name: str) -> complex:
 
 
 NAMED = {
-    "case4_dist": [
-        "1 tap (400-1: 1.025)",
-        "1 held voltage (gen400), here free within the limits of the bus",
-    ],
+    "case4_dist": ["1 held voltage (gen400), here free within the limits of the bus"],
     "case16am": [""],
     "case16ci": ["1 load bus of one fixed voltage (4), here free from 0.9 to 1.1 pu"],
     "case17me": [""],
-    "case18": [
-        "15 charging of 0.00992 Mvar in all (1-2, 2-3, 3-4, 4-5, 5-6, ...)",
-        "10 shunts of 10.05 Mvar in all (2, 3, 4, 5, 7, ...)",
-    ],
+    "case18": [""],
 }
 
 
@@ -86,7 +80,7 @@ def test_a_matpower_feeder_comes_over_with_its_totals(name: str, tmp_path: Path)
     assert network.v_max_pu[network.bus("5" if "5" in network.bus_names else "2")] == 1.1
 
 
-@pytest.mark.parametrize("name", ["case16ci", "case17me"])
+@pytest.mark.parametrize("name", ["case16ci", "case17me", "case18"])
 def test_a_calm_hour_is_that_of_pandapowers_power_flow(name: str, tmp_path: Path) -> None:
     """Of feeders from which nothing is left out; their grids are said to give less than is asked.
 
@@ -108,9 +102,11 @@ def test_a_calm_hour_is_that_of_pandapowers_power_flow(name: str, tmp_path: Path
     assert plan.shed_mwh == pytest.approx(0.0, abs=1e-6)
     lost = float(net.res_line.pl_mw.sum() + net.res_trafo.pl_mw.sum())
     assert plan.energy_mwh["losses"] == pytest.approx(lost, rel=1e-5)
-    np.testing.assert_allclose(
-        plan.tables["voltage"].values[:, 0].min(), net.res_bus.vm_pu.min(), atol=1e-6
-    )
+    lowest = plan.tables["voltage"].values[:, 0].min()
+    np.testing.assert_allclose(lowest, net.res_bus.vm_pu.min(), atol=1e-6)
+    if name == "case18":  # by MATPOWER's own power flow
+        assert plan.energy_mwh["losses"] == pytest.approx(0.260188, abs=1e-6)
+        assert lowest == pytest.approx(1.02677, abs=5e-6)
 
 
 @pytest.fixture(scope="module")
@@ -129,8 +125,6 @@ def cigre(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_cigre_mv_comes_over_with_all_of_its_generation(cigre: str, tmp_path: Path) -> None:
     """Sizes as the benchmark has them: CIGRE TF C6.04.02, 2014, table 7.7."""
     assert left_out(cigre) == [
-        "2 phase shifts (Trafo 0-1: 30 deg, Trafo 0-12: 30 deg)",
-        "15 charging of 0.2988 Mvar in all (Line 1-2, Line 2-3, Line 3-4, Line 4-5, Line 5-6, ...)",
         "1 wind turbine of 1.5 MW (WKA 7), here in comments, to be given a profile",
         "2 storages without an energy of 0.8 MW in all (Battery 1, Battery 2), here in comments, "
         "to be given e_mwh",
@@ -168,10 +162,6 @@ def test_what_stands_in_comments_is_right(cigre: str, tmp_path: Path) -> None:
 
 def test_oberrheins_plants_have_their_size_though_they_stand_still(tmp_path: Path) -> None:
     assert left_out("mv_oberrhein") == [
-        "2 taps (HV/MV Transformer 0: -2 steps, -3 %, HV/MV Transformer 1: -3 steps, -4.5 %)",
-        "2 phase shifts (HV/MV Transformer 0: 150 deg, HV/MV Transformer 1: 150 deg)",
-        "2 magnetising branches of 58 kW in all (HV/MV Transformer 0, HV/MV Transformer 1)",
-        "181 charging of 3.393 Mvar in all (Line 0, Line 1, Line 2, Line 3, Line 4, ...)",
         "153 sgens at scaling 0 of 22.07 MW in all (Static Generator 0, Static Generator 1, Static "
         "Generator 2, Static Generator 3, Static Generator 4, ...), here kept at its size",
     ]
@@ -184,10 +174,6 @@ def test_oberrheins_plants_have_their_size_though_they_stand_still(tmp_path: Pat
 def test_the_simple_example_serves_its_load_on_a_calm_day(tmp_path: Path) -> None:
     """1.2 MW and 2.4 Mvar: a grid without a limit of its own gives more Mvar than MW."""
     assert left_out("example_simple") == [
-        "1 phase shift (110kV/20kV transformer: 150 deg)",
-        "1 magnetising branch of 14 kW (110kV/20kV transformer)",
-        "4 charging of 5.65 Mvar in all (Line 1, Line 2, Line 3, Line 4)",
-        "1 shunt of 0.96 Mvar (HV Transformer Bus)",
         "1 sgen of unknown type of 2 MW (static generator), here generators that can be called on",
         "1 held voltage (generator), here free within the limits of the bus",
     ]
@@ -210,10 +196,6 @@ def test_simbenchs_urban_grid_comes_over_with_its_storages(tmp_path: Path) -> No
         pp.to_json(net, str(path))
     named = [text.split(" (")[0] for text in left_out(str(path))]
     assert named == [
-        "2 taps",
-        "2 phase shifts",
-        "2 magnetising branches of 44 kW in all",
-        "147 charging of 0.5547 Mvar in all",
         "4 open couplers",
         "101 efficiencies of a storage",
         "101 self-discharges of a storage",
