@@ -28,6 +28,7 @@ from resilience.models.simulator.constants import Constant, Map
 
 STATE = "ess.energy"
 STORAGE = ("ess.charge", "ess.discharge")
+CHARGED = ("line.from_sq", "line.to_sq")
 LEVEL, DELIVERY = "tank.level", "tank.delivery"
 SPILLED = ".spilled"
 
@@ -61,7 +62,9 @@ class StorageSlot(NamedTuple):
 
 def _is_inner(name: str) -> bool:
     """Whether a variable in the balance is storage, a flow, or what is spilled, and no source."""
-    return name in STORAGE or name.startswith("line.") or name.endswith(SPILLED)
+    # What flows to earth at a line is a source, with its voltage for a power.
+    is_flow = name.startswith("line.") and name not in CHARGED
+    return name in STORAGE or is_flow or name.endswith(SPILLED)
 
 
 class Plant:

@@ -155,3 +155,24 @@ def test_gradients_need_the_other_simulator() -> None:
     energy = torch.full((1, 1), 2.0)
     with pytest.raises(rs.UsageError, match="NumPy"):
         simulator.step(energy, energy, energy, energy)
+
+
+@pytest.mark.parametrize(("order_mw", "shed_mw"), [(0.0, 0.5), (-0.2, 0.5 - 0.2 + 0.081)])
+def test_storage_gives_what_shunts_take_beside_its_order(order_mw: float, shed_mw: float) -> None:
+    """0.1 MW at 1 pu are 0.081 MW at the lowest voltage of the band, and cannot be shed."""
+    case = small_case(
+        buses=2,
+        bus_tables={2: {"shunt_p_mw": 0.1}},
+        lines=[(1, 2, 0.01, 0.01)],
+        line_tables=[{"name": "1-2", "breakpoint": True}],
+        grid=[{"import_max_mw": 5.0, "import_cost_per_mwh": 20.0}],
+        load=[{"bus": "2", "p_max_mw": 0.5, "shed_cost_per_mwh": 900.0}],
+        ess=[{"bus": "2", "p_max_mw": 1.0, "e_mwh": 2.0, "s_mva": 1.0}],
+    )
+    simulator = NetworkSimulator(Microgrid.build(case, "lindistflow"), 1.0)
+    situation = simulator.microgrid.situation(np.zeros((1, 1), bool), lambda _: np.ones(1))
+    data = simulator.stacked(simulator.microgrid.data(situation))
+    step = simulator.step(np.full((1, 1), 1.0), np.full((1, 1), order_mw), data, situation.island)
+    assert step.discharge[0, 0] == pytest.approx(max(-order_mw, 0.081))
+    shed = step.flows[simulator.columns.index("load.shed[load1]"), 0]
+    assert shed == pytest.approx(shed_mw)

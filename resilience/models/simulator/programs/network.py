@@ -4,13 +4,14 @@ The interface is that of `Simulator`, for comparisons at `lindistflow`, or at co
 lines have ratings. Recourse is the cheapest dispatch of the slot. Storage follows the masked order
 unless even shedding cannot close the balance within the network's limits: following a MW of it is
 worth more than any price, and taking power that must be taken is worth more still, so that cutting
-storage back comes last but for spilling. At copperplate without ratings both steps agree, except
-that units which are cut back together share the cut in proportion there and in any way here.
+storage back comes last but for spilling. What shunts take cannot be shed: if need be, storage gives
+it beside its order. At copperplate without ratings both steps agree, except that units which are
+cut back together share the cut in proportion there and in any way here.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -140,6 +141,8 @@ class NetworkSimulator(Plant):
         charge, discharge = self.masked_action(ops, energy, action, limits)
         data = ops.wide(data, energy.shape[1])
         batch = _Batch.build(self, state, (charge, discharge), data)
+        if self.microgrid.network.is_charged:
+            discharge = batch.spare = self.possible(ops, energy, limits)[1]
         closed = [self.table[self.sources[shut]] for shut in modes(self, prices)]
         z = np.array([self._best(batch, k, closed) for k in range(energy.shape[1])]).T
         z = z[self.table]
@@ -164,18 +167,24 @@ class NetworkSimulator(Plant):
 
     def _best(self, batch: _Batch, k: int, closed: list[Ints]) -> Floats:
         """(columns,) the cheapest point of member k over the ways to close connections."""
-        best, objective = None, np.inf
-        for shut in closed:
-            vectors = batch.vectors(k)
-            self.solver.update(vectors.fixed(shut, np.zeros(len(shut))) if len(shut) else vectors)
-            solution = self.solver.solve()
-            if solution.z is not None and solution.objective < objective:
-                best, objective = solution.z, solution.objective
+        best = self._solved(batch.vectors(k), closed)
+        if best is None and batch.spare is not None:
+            best = self._solved(batch.rescue(k), closed)
         if best is None:
             raise SolverError(
                 f"member {k} has no dispatch within the network's limits, whatever is shed",
                 hint="look for a voltage band or a reactive limit that excludes standing still",
             )
+        return best
+
+    def _solved(self, vectors: Vectors, closed: list[Ints]) -> Floats | None:
+        """(columns,) the cheapest point over the ways to close connections; None without any."""
+        best, objective = None, np.inf
+        for shut in closed:
+            self.solver.update(vectors.fixed(shut, np.zeros(len(shut))) if len(shut) else vectors)
+            solution = self.solver.solve()
+            if solution.z is not None and solution.objective < objective:
+                best, objective = solution.z, solution.objective
         return best
 
 
@@ -188,6 +197,10 @@ class _Batch:
         row_lower, row_upper: (members, rows).
         must: (n,) sources whose power has to be taken.
         intake: (n, members) MW that has to be taken of them.
+        discharging: (units,) columns of the program.
+        order_worth: of a MW of the storage order, $.
+        spare: (units, members) MW that storage could give beside any order; None where nothing
+            flows to earth.
     """
 
     cost: Floats
@@ -197,6 +210,9 @@ class _Batch:
     row_upper: Floats
     must: Ints
     intake: Floats
+    discharging: Ints
+    order_worth: float
+    spare: Floats | None = None
 
     @classmethod
     def build(
@@ -251,7 +267,19 @@ class _Batch:
         # Only what has to be taken is worth so much: where a member has none, nothing changes.
         cost[:, columns] -= INTAKE_WORTH * order_worth * (intake.T > 0.0)
         row_lower = np.where(standard.equality, rhs, -np.inf)
-        return cls(cost, lower, upper, row_lower, rhs, must, intake)
+        discharging = table[plant.stored[1]]
+        return cls(cost, lower, upper, row_lower, rhs, must, intake, discharging, order_worth)
+
+    def rescue(self, k: int) -> Vectors:
+        """Those of one member whose storage gives what the network itself takes, and no more.
+
+        What shunts and iron losses take cannot be shed, whatever storage was told to give.
+        """
+        assert self.spare is not None
+        cost, upper = self.cost[k].copy(), self.upper[k].copy()
+        cost[self.discharging] += 2.0 * self.order_worth
+        upper[self.discharging] = self.spare[:, k]
+        return replace(self.vectors(k), cost=cost, upper=upper)
 
     def vectors(self, k: int) -> Vectors:
         """Those of one member."""
