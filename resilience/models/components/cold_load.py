@@ -4,8 +4,7 @@ What a load went without is remembered as a backlog, and forgotten with the time
 the backlog the share $\sigma$ is made up for while the load is served, so that a load that was cut
 off for long comes back with $1 + \sigma$ times its demand, and the surplus decays as
 $e^{-t / \tau}$ (the exponential decay of cold load pickup: Ucak and Pahwa, IEEE Transactions on
-Power Delivery 9(3), 1994; Lang, Anderson and Fouad, IEEE Transactions on Power Apparatus and
-Systems 101(4), 1982):
+Power Delivery 9(3), 1994):
 
 $$ b' = \delta b + \tau (1 - \delta) s, \qquad
 \rho \left(b - \tau s\right) \le r \le \rho b, \qquad r \ge 0, \qquad
