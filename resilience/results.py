@@ -38,6 +38,7 @@ from resilience.files import (
 
 SUMMARY_FILE = "summary.json"
 PARTS_FOLDER = "parts"
+README_FILE = "README.md"
 NEXT, PLACING = f"{HIDDEN}next", f"{HIDDEN}placing"
 
 
@@ -82,6 +83,34 @@ def write_summary(target: Path, kind: ResultKind, summary: Mapping[str, Any]) ->
     """Writes the summary of a result, which says its kind first."""
     text = json.dumps({"kind": kind.name, **summary}, indent=2, allow_nan=False)
     (target / kind.mark).write_text(text + "\n", encoding="utf-8")
+
+
+def write_readme(
+    target: Path,
+    kind: ResultKind,
+    files: Mapping[str, str],
+    columns: Mapping[str, str] | None = None,
+) -> None:
+    """Writes what every file of a result holds, for whoever is handed the folder alone.
+
+    Args:
+        target: the folder.
+        kind: of the result.
+        files: name to what is in it, units included.
+        columns: of its main table, likewise.
+    """
+    lines = [
+        f"# A {kind.name}, written by resilience",
+        "",
+        "Times are local and say when a slot starts. Powers are means over the slot, and what is",
+        "stored is what is there at its end.",
+        "",
+        *(f"- `{name}`: {meaning}" for name, meaning in files.items()),
+    ]
+    if columns:
+        lines += ["", "Columns of `report`:", ""]
+        lines += [f"- `{name}`: {meaning}" for name, meaning in columns.items()]
+    (target / README_FILE).write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 
 def check_replaceable(folder: Path, *kinds: ResultKind) -> None:

@@ -21,13 +21,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.case import case_text
+from resilience.evaluation.columns import AC_COLUMNS, COLUMNS
 from resilience.evaluation.judged import Judged
 from resilience.evaluation.measures import statistics
-from resilience.results import COMPARISON, replacing, write_summary
+from resilience.results import COMPARISON, replacing, write_readme, write_summary
 from resilience.simulation.trajectory_file import save_trajectories
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+FILES = {
+    "summary.json": "all of the comparison: what `--json` prints",
+    "report.csv, report.parquet": "a row per method",
+    "differences.parquet": "a row per two methods: $/day, 95 % interval, whether it excludes zero",
+    "episodes.parquet": "$ of every episode: a column per method, and the bound",
+    "per_episode.parquet": "a row per method and episode: $, MWh, shares and indices",
+    "per_day.parquet": "a row per method, episode and day: $ of operation, MWh shed and stored",
+    "slots/METHOD.parquet": "a row per episode and slot: $, MWh, and MW of every device",
+    "trajectories/METHOD.npz": "the same as arrays, exactly; see resilience.Trajectory",
+    "case.toml": "the case as it was run; it loads back",
+    "scenarios.npz": "the storms: which line or unit is out when, and how likely that is",
+    "parts": "finished parts, with which an interrupted comparison goes on",
+}
+"""What is in every file of a report."""
 
 
 def save_report(
@@ -61,6 +78,7 @@ def save_report(
         save_trajectories(judged.trajectories, target)
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")
+        write_readme(target, COMPARISON, FILES, {**COLUMNS, **AC_COLUMNS})
         write_summary(target, COMPARISON, summary)
     return folder
 

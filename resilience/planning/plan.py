@@ -142,7 +142,7 @@ class Plan(CertifiedPlan):
         """
         with replacing(Path(folder), PLAN) as target:
             frames = {name: self.frame(name) for name in self.tables}
-            write_plan(target, PLAN, self.summary(), self.case, frames)
+            write_plan(target, PLAN, self.summary(), self.case, frames, {})
         return Path(folder)
 
 

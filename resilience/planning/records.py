@@ -17,8 +17,8 @@ from resilience.models.case_program import case_cost_scale
 from resilience.models.program import gate
 from resilience.models.program.referee import Audit
 from resilience.planning.reading.instructions import Instruction, instructions
-from resilience.planning.tables import SlotTable
-from resilience.results import ResultKind, write_summary
+from resilience.planning.tables import SlotTable, table_units
+from resilience.results import SUMMARY_FILE, ResultKind, write_readme, write_summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -340,6 +340,7 @@ def write_plan(
     summary: Mapping[str, Any],
     case: Case | None,
     frames: Mapping[str, pd.DataFrame],
+    more: Mapping[str, str],
 ) -> None:
     """Writes what every plan's folder holds.
 
@@ -349,8 +350,10 @@ def write_plan(
         summary: what stands in `summary.json`.
         case: the case as solved, if it is known.
         frames: tables by name, written as .parquet and .csv.
+        more: what other tables and files hold than those of `table_units`, by name.
     """
     write_summary(target, kind, summary)
+    write_readme(target, kind, _meanings(frames, case, more))
     if case is not None:
         from resilience.case import case_text
 
@@ -358,6 +361,19 @@ def write_plan(
     for name, frame in frames.items():
         frame.to_parquet(target / f"{name}.parquet")
         frame.to_csv(target / f"{name}.csv", float_format="%.9g")
+
+
+def _meanings(
+    frames: Mapping[str, pd.DataFrame], case: Case | None, more: Mapping[str, str]
+) -> dict[str, str]:
+    """File to what it holds."""
+    units = table_units() | {**more}
+    files = {SUMMARY_FILE: "status, costs in $, proven bound and audit: what `--json` prints"}
+    if case is not None:
+        files["case.toml"] = "the case as it was solved; it loads back"
+    tables = {f"{name}.csv, {name}.parquet": units[name] for name in frames if name in units}
+    others = {name: meaning for name, meaning in more.items() if name not in frames}
+    return files | tables | others
 
 
 def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:

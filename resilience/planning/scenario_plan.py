@@ -57,6 +57,15 @@ BANDS = {
 """What there is a band of over scenarios, by the columns mean, low and high (5 and 95 %)."""
 BAND_QUANTILES = (0.05, 0.95)
 SCENARIOS_FILE = "outages.npz"
+FILES = {
+    "staying": "probability of being in the common schedule still",
+    **{f"band_{name}": f"{unit}: mean, low and high (5 and 95 %)" for name, unit in BANDS.items()},
+    "scenarios": "a row per scenario: probability, slot in which it leaves the common schedule, "
+    "$ that it costs, MWh shed and left, $ had it been known",
+    SCENARIOS_FILE: "the scenarios: which line or unit is out when, and how likely that is",
+    "recourse.parquet": "MW fed in by every device, a row per scenario and slot",
+}
+"""What a folder holds beside the tables of the common schedule."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,7 +313,7 @@ class ScenarioPlan(CertifiedPlan):
         names = (*self.tables, *(f"band_{k}" for k in self.bands), "scenarios")
         with replacing(Path(folder), SCENARIO_PLAN) as target:
             frames = {name: self.frame(name) for name in names}
-            write_plan(target, SCENARIO_PLAN, self.summary(), self.case, frames)
+            write_plan(target, SCENARIO_PLAN, self.summary(), self.case, frames, FILES)
             if self.outages is not None:
                 self.outages.save(target / SCENARIOS_FILE)
             self.frame("recourse").to_parquet(target / "recourse.parquet")

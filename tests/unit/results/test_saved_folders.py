@@ -143,3 +143,22 @@ def test_a_plan_knows_how_long_it_took() -> None:
     plan = rs.solve(small_case(grid=[GRID]), "lp")
     assert list(plan.seconds_by_phase) == ["case", "model", "linear program", "tie-break", "audit"]
     assert plan.seconds == sum(plan.seconds_by_phase.values()) > 0.0
+
+
+def test_a_folder_says_what_is_in_it(tmp_path: Path) -> None:
+    """Every file is named in its README, and a unit stands beside every table."""
+    plan = rs.solve("ieee33", "lp")
+    assert isinstance(plan, rs.Plan)
+    over = rs.solve("ieee33-tou", "stochastic", scenarios=4)
+    assert isinstance(over, rs.ScenarioPlan)
+    report = rs.compare("ieee33-tou", ["rule"], days=1, draws=2)
+    for name, result in (("plan", plan), ("over", over), ("report", report)):
+        folder = result.save(tmp_path / name)
+        text = (folder / "README.md").read_text(encoding="utf-8")
+        for path in folder.iterdir():
+            if path.name != "README.md":
+                assert path.stem in text, path.name
+    text = (tmp_path / "plan" / "README.md").read_text(encoding="utf-8")
+    assert "- `energy.csv, energy.parquet`: MWh stored at the end of the slot" in text
+    text = (tmp_path / "report" / "README.md").read_text(encoding="utf-8")
+    assert "- `asidi_h_per_day`: hours without supply of the average MW" in text
