@@ -9,7 +9,7 @@ the property `outcome`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from itertools import product
 from typing import TypeVar
@@ -19,6 +19,7 @@ import pytest
 
 import resilience as rs
 from resilience.case import Case
+from resilience.dispatch.comb import COMB, comb_plan
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.errors import CertificateError, ResilienceError, SolverError
 from resilience.evaluation.clairvoyant import clairvoyant
@@ -29,6 +30,7 @@ from resilience.simulation.trajectory import Trajectory
 from resilience.simulation.world import World
 from resilience.testing import small_case, small_world
 from tests.faults.injection import EXCESS, FAULTS, WHEN, inject, inject_master
+from tests.unit.dispatch import blackouts
 
 T = TypeVar("T")
 Recorder = Callable[[str, object], None]
@@ -154,11 +156,25 @@ def dispatched(world: World, name: str) -> Trajectory:
     return simulate(world, DISPATCHERS[name](world.setting))
 
 
+def place(name: str) -> World:
+    """Where a dispatcher acts: a comb knows blackouts alone."""
+    return blackouts.world() if name == COMB else small_world()
+
+
 @cache
-def true_bound() -> np.ndarray:
-    return clairvoyant(small_world()).objective
+def true_bound(name: str) -> np.ndarray:
+    return clairvoyant(place(name)).objective
 
 
+@pytest.fixture
+def no_plan_kept() -> Iterator[None]:
+    """Plans that are kept from call to call are made under the fault, and die with it."""
+    comb_plan.cache_clear()
+    yield
+    comb_plan.cache_clear()
+
+
+@pytest.mark.usefixtures("no_plan_kept")
 @pytest.mark.parametrize(("name", "fault", "when"), sampled(DISPATCHED))
 def test_a_trajectory_is_valid_or_refused(
     monkeypatch: pytest.MonkeyPatch, record_property: Recorder, name: str, fault: str, when: str
@@ -166,7 +182,7 @@ def test_a_trajectory_is_valid_or_refused(
     """A wrong answer within a dispatcher makes a worse policy: what it did is valid all the same,
     by the referee of trajectories, and costs no less than the bound.
     """
-    world, bound = small_world(), true_bound()
+    world, bound = place(name), true_bound(name)
     inject(monkeypatch, "HiGHS", fault, when)
     inject_master(monkeypatch, fault, when)
     for k, least in enumerate(bound):
