@@ -16,15 +16,17 @@ import resilience as rs
 PROGRESS = re.compile(r" *\d+\.\d s  ")
 
 COMMAND = Path(sys.executable).parent / "resilience"
-TAPPED = """
+ISOLATED = """
 mpc.version = '2';
 mpc.baseMVA = 10;
 mpc.bus = [
     1 3 0 0 0 0 1 1 0 12.66 1 1.1 0.9;
     2 1 0.8 0.2 0 0.6 1 1 0 12.66 1 1.1 0.9;
+    3 4 0.5 0 0 0 1 1 0 12.66 1 1.1 0.9;
 ];
 mpc.gen = [ 1 0 0 10 -10 1 100 1 10 0; ];
 mpc.branch = [ 1 2 0.01 0.02 0 0 0 0 0.95 0 1 -360 360; ];
+mpc.if_lims = [ 1 10 20; ];
 """
 HEAVY = {"pandas", "pandapower", "pyomo", "casadi", "cvxpy", "torch", "matplotlib"}
 
@@ -243,17 +245,17 @@ def test_verbose_prints_phases_to_stderr(tiny: Path) -> None:
 
 
 def test_what_of_a_network_is_not_modelled_is_said_by_every_command(tmp_path: Path) -> None:
-    (tmp_path / "tapped.m").write_text(TAPPED, encoding="utf-8")
+    (tmp_path / "isolated.m").write_text(ISOLATED, encoding="utf-8")
     case, said = (
-        tmp_path / "tapped.toml",
-        "not modelled: 1 tap (1-2: 0.95); 1 shunt of 0.6 Mvar (2)",
+        tmp_path / "isolated.toml",
+        "not modelled: 1 isolated bus of 0.5 MW (3); 1 table (mpc.if_lims)",
     )
-    new = run("case", "new", tmp_path / "tapped.m", "--out", case)
+    new = run("case", "new", tmp_path / "isolated.m", "--out", case)
     assert new.stderr.splitlines() == [said]
     assert f"warning: {said}\n" in run("case", "check", case).stdout
     solved = run("solve", case, "--method", "lp")
     assert f"assumes no outage\n{said}\n" in solved.stdout
-    parts = ["1 tap (1-2: 0.95)", "1 shunt of 0.6 Mvar (2)"]
+    parts = ["1 isolated bus of 0.5 MW (3)", "1 table (mpc.if_lims)"]
     known, blind = tmp_path / "known", tmp_path / "blind"
     answer = json.loads(run("solve", case, "--method", "lp", "--json", "--out", known).stdout)
     assert answer["not_modelled"] == rs.load_plan(known).not_modelled == parts

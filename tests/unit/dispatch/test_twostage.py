@@ -281,7 +281,7 @@ def test_the_command_takes_a_file_of_scenarios(tmp_path: Path, method: str) -> N
     assert answer["scenarios"] == 3
     assert answer["bound"] <= answer["objective"] + 1e-9
     text = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "run")]).stdout
-    assert "what to do until an outage shows" in text
+    assert "To do until an outage shows" in text
     drawn_again = CliRunner().invoke(app, ["plot", str(tmp_path / "run")])
     assert drawn_again.exit_code == 0
     assert (tmp_path / "run" / "plan.png").stat().st_size > 10_000
