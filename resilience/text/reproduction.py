@@ -32,6 +32,8 @@ COLUMNS = (
     ("gap_percent", "gap", "%", 1),
 )
 """Of the tables of costs: figure, head, unit, decimals."""
+SPAN_WIDTH = 9
+"""Letters of an interval at most, with as many decimals as fit: eight columns in 80 letters."""
 LABEL_WIDTH = 14
 HOURS_AROUND = 3  # of an outage, that are printed with it
 
@@ -209,4 +211,8 @@ def _span(value: MeanInterval, digits: int) -> str:
         return ""
     digits = min(digits, 1) if abs(value.high) >= 10.0 else digits
     digits = 0 if abs(value.high) >= 100.0 else digits
-    return f"{_number(value.low, digits)}–{_number(value.high, digits)}"
+    texts = [
+        f"{_number(value.low, fewer)}–{_number(value.high, fewer)}"
+        for fewer in range(digits, -1, -1)
+    ]
+    return next((text for text in texts if len(text) <= SPAN_WIDTH), texts[-1])
