@@ -182,3 +182,8 @@ def replaced(term: Affine, index: Ints, values: Affine) -> Affine:
     keep = np.ones(term.n)
     keep[index] = 0.0
     return term * keep + scatter(values, index, term.n)
+
+
+def labelled(term: Affine, labels: Labels) -> Affine:
+    """The same expressions under other names."""
+    return Affine(term.rows, term.ids, term.values, term.const, labels)

@@ -31,7 +31,16 @@ from resilience.models.components import (
     in_roles,
 )
 from resilience.models.language.stage import Stage
-from resilience.models.network.graph import bridges, bundle, closable, cycle, joined, merge
+from resilience.models.network.graph import (
+    bridges,
+    bundle,
+    closable,
+    cycle,
+    joined,
+    looped,
+    merge,
+    mismatch,
+)
 from resilience.models.network.limits import (
     Capacity,
     FlowLimits,
@@ -39,6 +48,7 @@ from resilience.models.network.limits import (
     circulation,
     current_limits,
     lossless_limits,
+    with_loops,
 )
 from resilience.models.network.situation import Islands, Situation
 from resilience.tolerances import INPUT_TOLERANCE
@@ -93,11 +103,12 @@ class Microgrid:
             merged, bus_of = merge(network, fallible)
             remains = np.isin(network.line_names, merged.line_names)
             network, lines_of, fallible = merged, lines_of[remains], fallible[remains]
-        elif loop := cycle(network):
+        elif network.switchable.any() and (loop := cycle(network)):
             raise UsageError(
-                f"physics {physics!r} needs a radial feeder, but these closed lines form a cycle: "
-                + ", ".join(loop),
-                hint="open one of them, mark one `switchable`, or use --physics copperplate",
+                f"physics {physics!r} keeps a feeder with switchable lines radial, but these "
+                "lines, which cannot be switched, form a cycle: " + ", ".join(loop),
+                hint="open one of them, mark one `switchable`, or let no line be; "
+                "or use --physics copperplate",
             )
         return cls(case, physics, network, bus_of, lines_of, fallible)
 
@@ -188,6 +199,11 @@ class Microgrid:
         return Tanks(self.case.tank, generators)
 
     @cached_property
+    def _looped(self) -> Bools:
+        """(lines,) lines in a loop of closed lines."""
+        return looped(self.network)
+
+    @cached_property
     def _wires(self) -> list[Component]:
         network = self.network
         if len(network.bus_names) == 1:
@@ -204,7 +220,7 @@ class Microgrid:
             y_to=network.y_to_pu,
             rating=network.rating_mva,
             limits=self._flow_limits(buses),
-            determined=bridges(network),
+            determined=bridges(network) | (self._looped & (buses is not None)),
             fallible=self.fallible,
             switchable=network.switchable,
             closed=network.in_service,
@@ -213,6 +229,8 @@ class Microgrid:
             v_max=buses.v_max_pu if buses else None,
             losses=self.physics == "distflow",
             may_be_dark=network.is_charged,
+            looped=self._looped if buses else None,
+            loop_shift=np.angle(mismatch(network)) if buses else None,
         )
         voltages = [buses] if buses else []
         switches = (
@@ -238,7 +256,17 @@ class Microgrid:
                     )
                 low[bus] = high[bus] = v_pu
         network, (cell, sure) = self.network, self._cells
-        return Buses(network.bus_names, low, high, network.y_bus_pu, sure[cell], network.is_charged)
+        loops, on_loop = self._looped, np.zeros(len(low), bool)
+        on_loop[network.from_bus[loops]] = on_loop[network.to_bus[loops]] = True
+        return Buses(
+            names=network.bus_names,
+            v_min_pu=low,
+            v_max_pu=high,
+            shunt=network.y_bus_pu,
+            sure=sure[cell],
+            is_charged=network.is_charged,
+            looped=on_loop,
+        )
 
     def _flow_limits(self, buses: Buses | None) -> FlowLimits:
         """What lines can be asked to carry; `buses` have the voltages, if there are any."""
@@ -256,15 +284,18 @@ class Microgrid:
         if buses is None:
             return FlowLimits(names, peak, *lossless_limits(network, capacity))
         capacity, earth = self._with_earth(capacity, buses.v_max_pu)
-        round_pu = circulation(network, buses.v_max_pu)
+        factor, driven_pu = with_loops(network, self._looped, mismatch(network), buses.v_max_pu)
+        round_pu = circulation(network, buses.v_max_pu) + driven_pu
         v_sent = buses.v_max_pu[network.from_bus] / network.tap
         if self.physics == "lindistflow":
             forth, back = lossless_limits(network, capacity)
             # Without losses a loop is not closed exactly: room for twice what goes round.
+            forth, back = factor[:, None] * forth, factor[:, None] * back
             for limit in (forth, back):
                 limit[:, 0] += 2.0 * v_sent * round_pu
             return FlowLimits(names, peak, forth, back)
         current = current_limits(network, capacity, buses.v_min_pu, earth)
+        current *= factor[:, None]
         current[:, 0] += round_pu
         sent = v_sent[:, None] * current
         return FlowLimits(names, peak, sent, sent, current)

@@ -46,9 +46,11 @@ def showcase() -> Stage:
         v_max=np.full(2, 1.1),
         losses=True,
         may_be_dark=True,
+        looped=np.ones(1, bool),
+        loop_shift=np.zeros(1),
     )
     band, shunt, sure = (np.full(2, 0.9), np.full(2, 1.1)), np.full(2, 1j), np.zeros(2, bool)
-    Buses(("1", "2"), *band, shunt, sure, is_charged=True).emit(stage)
+    Buses(("1", "2"), *band, shunt, sure, is_charged=True, looped=np.ones(2, bool)).emit(stage)
     tables = [(kind, kind.showcase()) for kind in fleet_classes()]
     fleets = tuple(kind((table,), bus, frozenset({table.name})) for kind, table in tables)
     for fleet in fleets:

@@ -14,7 +14,7 @@ from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.models.program.gate import check_audit, names_of
 from resilience.models.program.referee import Audit, audit, settle
 from resilience.models.program.standard import Standard
-from resilience.models.structures import Cone, Disc, Mode
+from resilience.models.structures import Angle, Cone, Disc, Mode
 from resilience.planning.scenario_program import ScenarioProgram
 from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
@@ -145,7 +145,7 @@ class Shortfall:
 
 def _count(shortfalls: dict[str, Shortfall], standard: Standard, z: Floats) -> None:
     """Takes in what a scenario's point leaves relaxed, by name."""
-    for kind in (Mode, Cone, Disc):
+    for kind in (Mode, Cone, Angle, Disc):
         for unrolled in standard.structures_of(kind).values():
             complaint = unrolled.structure.complaint
             shortfalls.setdefault(unrolled.name, Shortfall(complaint)).add(unrolled.violation(z))

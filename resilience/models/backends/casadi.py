@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import lsqr
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import (
@@ -22,6 +24,7 @@ from resilience.models.program.referee import row_violations
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import (
     Adjacent,
+    Angle,
     Cone,
     Disc,
     Largest,
@@ -38,6 +41,11 @@ WARM_START_OPTIONS = {
     "bound_push": 1e-6,
     "bound_frac": 1e-6,
 }
+OPEN_ANGLES_OPTIONS = {
+    "mu_init": 1e-4,  # the conic point leaves angles open, and so is no solution yet
+    "bound_push": 1e-4,
+    "bound_frac": 1e-4,
+}
 
 
 class NLP:
@@ -52,7 +60,7 @@ class NLP:
         penalty: see `Conic`.
     """
 
-    exact: frozenset[type[Structure]] = frozenset({Disc, Cone, Largest})
+    exact: frozenset[type[Structure]] = frozenset({Disc, Cone, Angle, Largest})
     relaxed: frozenset[type[Structure]] = frozenset({Split, Adjacent})
     integers = False
     plugin = "ipopt"
@@ -102,7 +110,9 @@ class NLP:
         if seconds <= 0.0:
             return NOTHING
         solver = ca.nlpsol("polish", self.plugin, nlp, self._options(free, seconds))
-        middle = np.clip(0.0, v.lower, v.upper) if self.start is None else self.start
+        middle = np.clip(0.0, v.lower, v.upper)
+        if self.start is not None:
+            middle = np.clip(with_angles(standard, self.start, free), v.lower, v.upper)
         answer = solver(
             x0=middle[free],
             p=point[: standard.n_states],
@@ -132,6 +142,8 @@ class NLP:
             settings["max_wall_time"] = seconds
         if self.start is not None:
             settings |= WARM_START_OPTIONS
+            if self.standard.structures_of(Angle):
+                settings |= OPEN_ANGLES_OPTIONS
         return {"ipopt": settings, "print_time": False, "verbose_init": False}
 
     def _constraints(
@@ -145,13 +157,13 @@ class NLP:
             rows.append(ca.mtimes(ca.DM(values), z[columns.tolist()]))
             low.append(np.full(len(rhs), -np.inf))
             high.append(rhs)
-        for unrolled in standard.structures_of(SecondOrder).values():
+        for unrolled in _nonlinear(standard):
             alive = unrolled.elements(np.flatnonzero(_alive(unrolled, point, live)))
             args = [_times(ca, m, z) + c for m, c in zip(alive.matrices, alive.consts, strict=True)]
-            row, lower, upper = _QUADRATICS[type(unrolled.structure)](args, alive.limits)
-            rows.append(row)
-            low.append(np.broadcast_to(lower, len(alive.consts[0])))
-            high.append(np.broadcast_to(upper, len(alive.consts[0])))
+            for row, lower, upper in _STATEMENTS[type(unrolled.structure)](ca, args, alive.limits):
+                rows.append(row)
+                low.append(np.broadcast_to(lower, len(alive.consts[0])))
+                high.append(np.broadcast_to(upper, len(alive.consts[0])))
         return rows, low, high
 
 
@@ -160,20 +172,55 @@ def _moving(matrix: Any, live: Bools) -> Bools:
     return np.abs(matrix) @ live.astype(float) > 0.0
 
 
-def _cone(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, float]:
+Statement = tuple[Any, float, float | Floats]
+"""An expression, and what it lies between."""
+
+
+def _cone(ca: Any, args: Sequence[Any], limits: Sequence[Floats]) -> list[Statement]:
     u, v, *xs = args
-    return u * v - sum(x**2 for x in xs), 0.0, 0.0
+    return [(u * v - sum(x**2 for x in xs), 0.0, 0.0)]
 
 
-def _disc(args: Sequence[Any], limits: Sequence[Floats]) -> tuple[Any, float, Floats]:
+def _disc(ca: Any, args: Sequence[Any], limits: Sequence[Floats]) -> list[Statement]:
     radius = np.where(limits[0] > 0.0, limits[0], 1.0)  # Ipopt's tolerance is absolute
-    return sum((x / radius) ** 2 for x in args), -np.inf, (limits[0] / radius) ** 2
+    return [(sum((x / radius) ** 2 for x in args), -np.inf, (limits[0] / radius) ** 2)]
 
 
-_QUADRATICS: dict[type[Structure], Callable[..., tuple[Any, float, float | Floats]]] = {
+def _angle(ca: Any, args: Sequence[Any], limits: Sequence[Floats]) -> list[Statement]:
+    theta, re, im = args
+    return [(im * ca.cos(theta) - re * ca.sin(theta), 0.0, 0.0), (re, 0.0, np.inf)]
+
+
+_STATEMENTS: dict[type[Structure], Callable[..., list[Statement]]] = {
     Cone: _cone,
     Disc: _disc,
+    Angle: _angle,
 }
+
+
+def _nonlinear(standard: Standard) -> list[UnrolledStructure[Any]]:
+    """Everything that is stated to Ipopt beside rows."""
+    kinds: tuple[type[Structure], ...] = (SecondOrder, Angle)
+    return [u for kind in kinds for u in standard.structures_of(kind).values()]
+
+
+def with_angles(standard: Standard, z: Floats, free: Ints) -> Floats:
+    """The same point, the columns of which angles alone are made as near to them as can be.
+
+    The sum of squares of what they lack is least; a start of zeros would turn the conic point away
+    from its flows.
+    """
+    angles = list(standard.structures_of(Angle).values())
+    if not angles:
+        return z
+    matrix = sp.vstack([u.matrices[0] for u in angles], format="csc")
+    columns = free[np.diff(matrix.indptr)[free] > 0]
+    z = z.copy()
+    z[columns] = 0.0
+    values = [u.values(z) for u in angles]
+    lacks = np.concatenate([np.arctan2(im, np.maximum(re, 0.0)) - t for t, re, im in values])
+    z[columns] = lsqr(matrix[:, columns], lacks, atol=1e-12, btol=1e-12)[0]
+    return z
 
 
 def _alive(unrolled: UnrolledStructure[Structure], point: Floats, live: Bools) -> Bools:
@@ -185,7 +232,7 @@ def _alive(unrolled: UnrolledStructure[Structure], point: Floats, live: Bools) -
 def _broken(standard: Standard, v: Vectors, point: Floats, live: Bools) -> bool:
     """Whether what is fixed breaks a row or a structure all by itself."""
     violations = [row_violations(standard, point, v)[~_moving(standard.a, live)]]
-    for unrolled in standard.structures_of(SecondOrder).values():
+    for unrolled in _nonlinear(standard):
         violations.append(unrolled.violation(point)[~_alive(unrolled, point, live)])
     return bool(np.concatenate(violations).max(initial=0.0) > CONFLICT_TOLERANCE)
 

@@ -27,6 +27,7 @@ from resilience.models.program.dual_bound import cone_share, safe_bound
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import (
     Adjacent,
+    Angle,
     Cone,
     Disc,
     Largest,
@@ -61,7 +62,7 @@ class Conic:
     """
 
     exact: frozenset[type[Structure]] = frozenset({Disc, Largest})
-    relaxed: frozenset[type[Structure]] = frozenset({Cone, Split, Adjacent})
+    relaxed: frozenset[type[Structure]] = frozenset({Cone, Angle, Split, Adjacent})
     integers = False
 
     def __init__(

@@ -19,6 +19,7 @@ from resilience.models.backends.base import refuse_unknown
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import (
     Adjacent,
+    Angle,
     Cone,
     Disc,
     Discs,
@@ -165,13 +166,14 @@ def _polygon(rows: _Rows, unrolled: UnrolledStructure[Disc], chosen: Ints) -> No
 
 
 def _nothing(rows: _Rows, unrolled: UnrolledStructure[Structure], chosen: Ints) -> None:
-    """A cone is relaxed to nothing; the rows of a maximum are the stage's own."""
+    """A cone or an angle is relaxed to nothing; the rows of a maximum are the stage's own."""
 
 
 _REWRITES: dict[type[Structure], Callable[[_Rows, UnrolledStructure[Any], Ints], None]] = {
     Split: _modes,
     Adjacent: _modes,
     Disc: _polygon,
+    Angle: _nothing,
     Cone: _nothing,
     Largest: _nothing,
 }

@@ -22,6 +22,7 @@ from resilience.models.backends.lower import Lowered, lower
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import (
     Adjacent,
+    Angle,
     Cone,
     Disc,
     Largest,
@@ -48,7 +49,7 @@ class Pyomo:
         gap: relative gap at which a solve stops.
     """
 
-    exact: frozenset[type[Structure]] = frozenset({Split, Cone, Disc, Adjacent, Largest})
+    exact: frozenset[type[Structure]] = frozenset({Split, Cone, Angle, Disc, Adjacent, Largest})
     integers = True
 
     def __init__(
@@ -71,7 +72,7 @@ class Pyomo:
                 hint="use solver='scip'",
             )
         if solver == "highs":
-            self.exact = self.exact - {Cone, Disc}
+            self.exact = self.exact - {Cone, Angle, Disc}
         self._later_cuts = LeafCuts(self.standard)
         self.model: Any = None
         self._sent: Vectors | None = None
@@ -115,6 +116,8 @@ class Pyomo:
         model.cost = pyo.Objective(expr=spent + model.offset)
         if quadratic:
             self._quadratics(pyo)
+            if self.cones == "equal":
+                self._angles(pyo)
 
     def _priceable(self, v: Vectors) -> list[int]:
         """Columns that cost something now or may for other data."""
@@ -190,6 +193,15 @@ class Pyomo:
             for i in range(unrolled.n):
                 limits = [limit[i] for limit in unrolled.limits]
                 rows.add(statements[kind]([arg[i] for arg in args], limits))
+
+    def _angles(self, pyo: Any) -> None:
+        for k, unrolled in self.standard.structures_of(Angle).items():
+            rows = pyo.ConstraintList()
+            self.model.add_component(f"angle{k}_{_plain(unrolled.name)}", rows)
+            args = [self._expressions(unrolled, m) for m in range(3)]
+            for theta, re, im in zip(*args, strict=True):
+                rows.add(im * pyo.cos(theta) == re * pyo.sin(theta))
+                rows.add(re >= 0.0)
 
     def _cone(self, args: list[Any], limits: list[float]) -> Any:
         u, v, *xs = args

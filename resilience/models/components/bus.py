@@ -21,6 +21,7 @@ $\underline{V}_b^2 a_b \le v_b \le \overline{V}_b^2 a_b$.
 | $v_b$ | `bus.v_sq`, squared voltage magnitude | pu² |
 | $\underline{V}_b, \overline{V}_b$ | `v_min_pu`, `v_max_pu` | pu |
 | their squares | `bus.v_sq_min`, `bus.v_sq_max` (data), where the dead have none | pu² |
+| $\theta_b$ | `bus.angle`, where lines make loops | rad |
 | $g_b + \mathrm{j} b_b$ | shunts on a base of 1 MVA | pu |
 """
 
@@ -47,6 +48,7 @@ class Buses:
         shunt: (buses,) admittance to earth, pu on 1 MVA.
         sure: (buses,) alive whatever is decided; elsewhere decisions tell, or data.
         is_charged: whether anything in the network flows to earth; then the dead have no voltage.
+        looped: (buses,) those on a loop of lines, which need an angle.
     """
 
     names: Labels
@@ -55,6 +57,7 @@ class Buses:
     shunt: Complexes
     sure: Bools
     is_charged: bool
+    looped: Bools
 
     def emit(self, stage: Stage) -> Injection | None:
         """Declares the squared voltages; feeds in what shunts do."""
@@ -63,6 +66,10 @@ class Buses:
             self._emit_with_dark(stage, low, high)
         else:
             stage.var("bus.v_sq", self.names, low, high, unit="pu²", about=_ABOUT)
+        if self.looped.any():
+            names = [self.names[k] for k in np.flatnonzero(self.looped)]
+            about = "angle of the voltage, without phase shifts"
+            stage.var("bus.angle", names, -ANGLE_MAX, ANGLE_MAX, unit="rad", about=about)
         rows = np.flatnonzero(self.shunt)
         if not len(rows):
             return None
@@ -99,3 +106,5 @@ class Buses:
 
 
 _ABOUT = "squared voltage magnitude"
+ANGLE_MAX = 3.2
+"""Of a bus, rad; only differences count, and none is beyond a right angle."""

@@ -20,14 +20,7 @@ of $v$ stands
 $$ w = v - \omega, \qquad 0 \le w \le \overline{V}^2 z, \qquad
 0 \le \omega \le \overline{V}^2 (1 - z) $$
 
-Parallel lines share what they carry as their impedances have it. They have one angle between their
-ends, and $V_i V_j^* = a (v_i / \tau^2 - (r - \mathrm{j} x)(P + \mathrm{j} Q))$ is the same for
-all of them. Its imaginary part, divided by the first one's $e^{\mathrm{j} \varphi}$, gives for two
-lines of equal shift
-
-$$ \tau_1 (r_1 Q_1 - x_1 P_1) = \tau_2 (r_2 Q_2 - x_2 P_2) $$
-
-where both are up (with the other sign on the right if they point in opposite directions).
+What parallel lines share, and what closes loops, is in `resilience.models.components.loops`.
 
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
@@ -62,8 +55,9 @@ from typing import Literal
 import numpy as np
 
 from resilience.arrays import Bools, Complexes, Floats, Ints
-from resilience.models.algebra import Affine, Labels, replaced, scatter, stack
+from resilience.models.algebra import Affine, Labels, labelled, replaced, scatter, stack
 from resilience.models.components.base import Injection
+from resilience.models.components.loops import close_loops, share
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import MARGIN, FlowLimits
 from resilience.models.network.situation import Situation
@@ -93,6 +87,8 @@ class Lines:
             a rating is a bound in place of a disc.
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
         may_be_dark: a dead island has no voltage; elsewhere it means nothing there.
+        looped: (lines,) those in a loop; None where the network is radial.
+        loop_shift: (lines,) phase shift that is left of each round its loop, rad.
     """
 
     names: Labels
@@ -114,6 +110,8 @@ class Lines:
     v_max: Floats | None
     losses: bool
     may_be_dark: bool = False
+    looped: Bools | None = None
+    loop_shift: Floats | None = None
 
     @property
     def switched(self) -> Ints:
@@ -134,7 +132,8 @@ class Lines:
         v = stage["bus.v_sq"]
         v_i, v_j = v[self.from_bus] * (1.0 / self.tap**2), v[self.to_bus]
         p_end, q_end = self._voltages(stage, p, q, v_i, v_j, status)
-        self._shared(stage, p, q, v_i)
+        share(self, stage, p, q, v_i)
+        close_loops(self, stage, p, q, v_i)
         p_sent, q_sent = self._charged(stage, "from", (p, q), v_i, status)
         p_end, q_end = self._charged(stage, "to", (p_end, q_end), v_j, status)
         rated = np.isfinite(self.rating)
@@ -187,7 +186,7 @@ class Lines:
         end_sq = stage.var(f"line.{end}_sq", names, 0.0, up * ceiling, unit="pu²", about=about)
         room = ceiling - up * ceiling * ~self.switchable[free]
         off = stage.var(f"line.{end}_off", names, 0.0, room, unit="pu²", about=f"{about}, open")
-        stage.eq(f"line.{end}_charged", _labelled(end_sq + off - v_sq, tuple(names)))
+        stage.eq(f"line.{end}_charged", labelled(end_sq + off - v_sq, tuple(names)))
         if closed is not None:
             rows = np.flatnonzero(self.switchable[free])
             on = closed[np.searchsorted(self.switched, free[rows])]
@@ -227,11 +226,11 @@ class Lines:
         stage.mark_auxiliary(name, self.determined & ~rated)
         if closed is not None:
             rows = self.switched
-            stage.switch(f"{name}.switch", flow[rows], closed, np.maximum(*self._peaks[:2])[rows])
+            stage.switch(f"{name}.switch", flow[rows], closed, np.maximum(*self.peaks[:2])[rows])
         return flow
 
     @property
-    def _peaks(self) -> tuple[Floats, Floats, Floats]:
+    def peaks(self) -> tuple[Floats, Floats, Floats]:
         """(lines,) `forth`, `back` and `l_max` at the peaks of all profiles."""
         forth, back, l_max = self._limits(self.limits.peak[:, None])
         return forth[:, 0], back[:, 0], l_max[:, 0]
@@ -257,7 +256,7 @@ class Lines:
         drop = v_j - v_i + 2.0 * (p * self.r + q * self.x) - self._gap(stage, closed)
         if not self.losses:
             stage.tiebreak(q, np.abs(self.r))
-            stage.eq("line.voltage", _labelled(drop, self.names))
+            stage.eq("line.voltage", labelled(drop, self.names))
             return p, q
         limit = stage.data("line.l_max", self.names, unit="pu", about="most squared current")
         current = stage.var(
@@ -266,49 +265,12 @@ class Lines:
         stage.mark_auxiliary("line.l")
         if closed is not None:
             rows = self.switched
-            stage.le("line.l.switch", current[rows], closed * self._peaks[2][rows])
+            stage.le("line.l.switch", current[rows], closed * self.peaks[2][rows])
         impedance = self.r**2 + self.x**2
-        stage.eq("line.voltage", _labelled(drop - current * impedance, self.names))
-        stage.cone("line.flow", current, _labelled(v_i, self.names), p, q)
+        stage.eq("line.voltage", labelled(drop - current * impedance, self.names))
+        stage.cone("line.flow", current, labelled(v_i, self.names), p, q)
         stage.penalty(current * np.where(self.r > 0, self.r, LOSSLESS))
         return p - current * self.r, q - current * self.x
-
-    def _shared(self, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
-        """Parallel lines that are both up have one angle between their ends."""
-        first, second, sign = self.parallel
-        if not len(first):
-            return
-        tap, shift = self.tap, np.angle(self.ratio)
-        apart = sign * shift[second] - shift[first]
-        twist = (q * self.r - p * self.x) * tap
-        second_twist = twist[second] * (sign * np.cos(apart))
-        if apart.any():
-            along = (v_i - p * self.r - q * self.x) * tap
-            second_twist = second_twist - along[second] * np.sin(apart)
-        limit = 2.0 * np.maximum(*self._peaks[:2]) * (np.abs(self.r) + np.abs(self.x)) * tap
-        twist_max = limit[first] + limit[second]
-        if apart.any():
-            assert self.v_max is not None
-            v_max = self.v_max[self.from_bus] ** 2 / tap
-            twist_max = twist_max + np.abs(np.sin(apart)) * v_max[second]
-        names = [self.names[k] for k in second]
-        up = stage["line.up"]
-        free = (2.0 - up[first] - up[second]) * twist_max
-        gap = stage.var("line.twist", names, -free, free, unit="pu", about="angle if one is out")
-        stage.eq("line.angle", twist[first] - second_twist - gap)
-
-    @property
-    def parallel(self) -> tuple[Ints, Ints, Floats]:
-        """Pairs of fixed lines that join two buses, and 1 or -1: whether they point alike."""
-        first: dict[tuple[int, int], int] = {}
-        pairs = []
-        for k in np.flatnonzero(~self.switchable).tolist():
-            ends = int(self.from_bus[k]), int(self.to_bus[k])
-            lead = first.setdefault((min(ends), max(ends)), k)
-            if lead != k:
-                pairs.append((lead, k, 1.0 if self.from_bus[lead] == ends[0] else -1.0))
-        table = np.array(pairs, float).reshape(len(pairs), 3)
-        return table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2]
 
     def _gap(self, stage: Stage, closed: Affine | None) -> Affine:
         free = np.flatnonzero(self.fallible | self.switchable)
@@ -345,7 +307,7 @@ class Lines:
         """
         up = self.status(situation)
         forth, back, l_max = self._limits(self.limits.values(situation.profile, situation.n))
-        self._check_peaks(np.maximum(forth, back).max(1, initial=0.0))
+        self._checkpeaks(np.maximum(forth, back).max(1, initial=0.0))
         # Without a voltage no cone ties a current down.
         able = up * situation.alive_at(self.from_bus) if self.may_be_dark else up
         data: dict[str, Floats] = {
@@ -355,8 +317,8 @@ class Lines:
         }
         return data | {"line.l_max": able * l_max} if self.losses else data
 
-    def _check_peaks(self, flow: Floats) -> None:
-        peak = np.maximum(*self._peaks[:2])
+    def _checkpeaks(self, flow: Floats) -> None:
+        peak = np.maximum(*self.peaks[:2])
         beyond = np.flatnonzero(self.switchable & (flow > peak * (1.0 + INPUT_TOLERANCE)))
         if len(beyond):
             k = beyond[0]
@@ -384,7 +346,3 @@ class Lines:
     def start(self) -> dict[str, Floats]:
         """Status of the switchable lines."""
         return {"line.closed": self.closed[self.switched].astype(float)}
-
-
-def _labelled(x: Affine, labels: Labels) -> Affine:
-    return Affine(x.rows, x.ids, x.values, x.const, labels)

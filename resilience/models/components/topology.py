@@ -33,6 +33,7 @@ from resilience.arrays import Bools, Floats
 from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.components.base import AT_BUS
 from resilience.models.components.line import Lines
+from resilience.models.components.loops import parallel
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import MARGIN
 from resilience.models.network.situation import Situation
@@ -108,13 +109,13 @@ class Topology:
         firm = np.flatnonzero(~lines.fallible & ~lines.switchable)
         count = alive.sum() - alive[lines.from_bus[firm]].sum()
         risky = lines.fallible & ~lines.switchable
-        first, second, _ = lines.parallel
-        parallel = dict(zip(second.tolist(), first.tolist(), strict=True))  # however many: one link
-        firm_pairs = {parallel.get(k, k) for k in firm.tolist()}
-        members = [k for k in np.flatnonzero(risky) if parallel.get(k, k) not in firm_pairs]
+        first, second, _ = parallel(lines)
+        leads = dict(zip(second.tolist(), first.tolist(), strict=True))  # however many: one link
+        firm_pairs = {leads.get(k, k) for k in firm.tolist()}
+        members = [k for k in np.flatnonzero(risky) if leads.get(k, k) not in firm_pairs]
         if members:
-            links = sorted({parallel.get(k, k) for k in members})
-            row = np.array([links.index(parallel.get(k, k)) for k in members], np.intp)
+            links = sorted({leads.get(k, k) for k in members})
+            row = np.array([links.index(leads.get(k, k)) for k in members], np.intp)
             names, up = [lines.names[k] for k in links], stage["line.up"][members]
             link = stage.var("topology.link", names, 0.0, 1.0, unit="1", about="joins live buses")
             place = sp.csr_array((np.ones(len(row)), (row, np.arange(len(row)))),
@@ -130,7 +131,7 @@ class Topology:
         """Live buses, and how many lines and roots make a spanning tree of them."""
         up = self.lines.status(situation)
         settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
-        first, second, _ = self.lines.parallel
+        first, second, _ = parallel(self.lines)
         for near, far in zip(first, second, strict=True):  # however many, they are one link
             settled[near], settled[far] = np.maximum(settled[near], settled[far]), 0.0
         links = situation.alive.sum(0) - settled.sum(0)

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels
-from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split, Structure
+from resilience.models.structures import Adjacent, Angle, Cone, Disc, Largest, Split, Structure
 
 
 @dataclass(frozen=True)
@@ -242,6 +242,10 @@ class Stage:
     def cone(self, name: str, u: Affine, v: Affine, *xs: Affine) -> None:
         """`u * v = sum(x^2)` with u, v >= 0: the branch flow equation."""
         self.structure(Cone, name, (u, v, *xs))
+
+    def angle(self, name: str, theta: Affine, re: Affine, im: Affine) -> None:
+        """`theta = atan2(im, re)`, re >= 0, in rad: what closes the loops of a mesh."""
+        self.structure(Angle, name, (theta, re, im))
 
     def disc(self, name: str, radius: ArrayLike, *xs: Affine) -> None:
         """`|(x1, x2, ...)| <= radius`: inverter and line ratings."""

@@ -16,7 +16,7 @@ from resilience.models.case_program import CaseProgram
 from resilience.models.program import gate
 from resilience.models.program.referee import tightened
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Cone, Disc, Mode, Structure
+from resilience.models.structures import Angle, Cone, Disc, Mode, Structure
 from resilience.tolerances import PLAN_GAP, RELAXATION_TOLERANCE
 
 OUT_OF_TIME = "the time limit ended the search; this is the best plan found"
@@ -164,6 +164,12 @@ def worst_violation(standard: Standard, z: Floats, kind: type[Structure] = Cone)
     return max((float(s.violation(z).max(initial=0.0)) for s in unrolled), default=0.0)
 
 
+def is_off_ac(standard: Standard, z: Floats) -> bool:
+    """Whether a cone or an angle is open."""
+    widest = max(worst_violation(standard, z, kind) for kind in (Cone, Angle))
+    return widest > RELAXATION_TOLERANCE
+
+
 def fractional(standard: Standard, z: Floats) -> Bools:
     """(columns,) integer columns whose value is none."""
     return standard.integer & (np.abs(z - np.round(z)) > RELAXATION_TOLERANCE)
@@ -172,7 +178,7 @@ def fractional(standard: Standard, z: Floats) -> Bools:
 def broken_facts(standard: Standard, z: Floats) -> list[str]:
     """In words, which relaxed facts z breaks; empty if it satisfies the whole model."""
     facts, z = [], tightened(standard, z)
-    for kind in (Mode, Cone, Disc):
+    for kind in (Mode, Cone, Angle, Disc):
         for unrolled in standard.structures_of(kind).values():
             facts.append(unrolled.structure.shortfall(unrolled.violation(z), RELAXATION_TOLERANCE))
     loose = fractional(standard, z)

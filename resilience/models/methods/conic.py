@@ -17,6 +17,7 @@ from resilience.models.methods.answer import (
     MethodResult,
     broken_modes,
     idle_columns,
+    is_off_ac,
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
@@ -128,7 +129,7 @@ def with_all_held(
             if solution.z is None:
                 break
             solution = with_cones_closed(program, solution, narrowed, seconds)
-        elif worst_violation(standard, solution.point) > RELAXATION_TOLERANCE:
+        elif is_off_ac(standard, solution.point):
             solution = ac_point(program, solution.point, narrowed, seconds)
         else:
             return solution

@@ -16,6 +16,8 @@ from resilience.arrays import Bools, Complexes, Floats, Ints
 if TYPE_CHECKING:
     from resilience.case import Network
 
+ROUNDING = 1e-12  # of a product of ratios
+
 
 def closable(network: Network) -> Network:
     """The network without the lines that are open and cannot be switched."""
@@ -163,6 +165,41 @@ def _lines(network: Network, keep: Ints) -> Network:
     }
     names = tuple(network.line_names[k] for k in keep)
     return replace(network, line_names=names, **chosen)
+
+
+def looped(network: Network) -> Bools:
+    """(lines,) lines in a cycle of closed lines that cannot be switched.
+
+    Parallel lines make none: what they share follows from their impedances.
+    """
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(network.bus_names)))
+    firm = network.in_service & ~network.switchable
+    graph.add_edges_from(
+        zip(network.from_bus[firm].tolist(), network.to_bus[firm].tolist(), strict=True)
+    )
+    apart = {frozenset(ends) for ends in nx.bridges(graph)}
+    ends = zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)
+    return firm & np.array([frozenset(pair) not in apart for pair in ends], bool)
+
+
+def mismatch(network: Network) -> Complexes:
+    """(lines,) ratio of every line over that of the way through a tree beside it; 1 where they fit.
+
+    Its angle is the phase shift that is left in a loop, its magnitude the tap.
+    """
+    frame = np.ones(len(network.bus_names), complex)
+    graph = nx.Graph()
+    graph.add_nodes_from(range(len(frame)))
+    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
+        graph.add_edge(*ends, line=k)
+    for component in nx.connected_components(graph):
+        for near, far in nx.bfs_edges(graph, min(component)):
+            k = graph.edges[near, far]["line"]
+            forth = network.from_bus[k] == near
+            frame[far] = frame[near] * network.ratio[k] ** (-1 if forth else 1)
+    rest = network.ratio * frame[network.to_bus] / frame[network.from_bus]
+    return np.where(np.abs(rest - 1.0) < ROUNDING, 1.0 + 0j, rest)
 
 
 def cycle(network: Network) -> list[str]:

@@ -44,13 +44,16 @@ from typing import TYPE_CHECKING
 import networkx as nx
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from resilience.case import Network
 
 MARGIN = 1.1
 """Of every auxiliary limit over what is proven; more than a polygon adds to a disc, 1.035."""
+
+LOOP_ROOM = 2.0
+"""Of a line in a loop over what devices draw in all."""
 
 SHORT_PU = 1e-6
 """In place of an impedance of zero, in what circulates between branches."""
@@ -177,6 +180,27 @@ def circulation(network: Network, v_max_pu: Floats) -> Floats:
             volts = v_max[i[members]] / network.tap[members] + v_max[j[members]]
             current[members] = volts / np.maximum(np.abs(z[members]), SHORT_PU)
     return MARGIN * current
+
+
+def with_loops(
+    network: Network, loops: Bools, rest: Complexes, v_max_pu: Floats
+) -> tuple[Floats, Floats]:
+    """(lines,) factor of what lines can be asked to carry, and current besides, pu, in loops.
+
+    Of impedances of one angle no line carries more than all devices draw; where angles differ some
+    goes round: there is room for twice as much, and the referee looks whether it is enough. Ratios
+    that do not fit drive at most their voltage over the impedance of their own line.
+
+    Args:
+        network: only lines that can be closed.
+        loops: (lines,) those in a cycle.
+        rest: (lines,) ratio that is left of each round its loop.
+        v_max_pu: (buses,) highest voltage.
+    """
+    volts = v_max_pu[network.from_bus] * np.abs(1.0 - rest) / network.tap
+    z = np.maximum(np.hypot(network.r_pu, network.x_pu), SHORT_PU)
+    driven = float((volts / z)[loops].sum())
+    return np.where(loops, LOOP_ROOM, 1.0), np.where(loops, MARGIN * driven, 0.0)
 
 
 def _scales(network: Network) -> tuple[Floats, float]:

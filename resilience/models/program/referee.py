@@ -18,7 +18,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Cone, Largest, Structure, UnrolledStructure
+from resilience.models.structures import Angle, Cone, Largest, Structure, UnrolledStructure
 from resilience.tolerances import INTEGRALITY_TOLERANCE, RELAXATION_TOLERANCE
 
 NEAR_LIMIT = 0.99
@@ -79,16 +79,18 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     note("integrality", off, lambda k: standard.column_name(int(integers[k])))
     for structure in standard.structures:
         note(structure.name, structure.violation(z), partial(_element_name, standard, structure))
-    if off.max(initial=0.0) <= RELAXATION_TOLERANCE and not _has_open_cones(standard, z):
+    if off.max(initial=0.0) <= RELAXATION_TOLERANCE and not _is_relaxed(standard, z):
         for name, columns in _auxiliary_columns(standard):
             near = _nearness(z[columns], vectors.lower[columns], vectors.upper[columns])
             note(f"auxiliary {name}", near, partial(_column_name, standard, columns))
     return Audit(worst, where)
 
 
-def _has_open_cones(standard: Standard, z: Floats) -> bool:
-    cones = standard.structures_of(Cone).values()
-    return any(c.violation(z).max(initial=0.0) > RELAXATION_TOLERANCE for c in cones)
+def _is_relaxed(standard: Standard, z: Floats) -> bool:
+    """Whether a cone or an angle is open."""
+    kinds: tuple[type[Structure], ...] = (Cone, Angle)
+    flows = [u for kind in kinds for u in standard.structures_of(kind).values()]
+    return any(u.violation(z).max(initial=0.0) > RELAXATION_TOLERANCE for u in flows)
 
 
 def _auxiliary_columns(standard: Standard) -> Iterator[tuple[str, Ints]]:
