@@ -47,6 +47,8 @@ def test_an_ac_plan_of_a_mesh_is_the_power_flow(name: str, method: str) -> None:
     branches, loads, shunts = MESHES[name]
     known = truth(branches, loads, shunts)
     plan = rs.solve(feeder(branches, loads, shunts), method=method)
+    assert isinstance(plan, rs.Plan)
+    assert plan.gap is not None
     np.testing.assert_allclose(plan.tables["voltage"].values[:, 0], np.abs(known.volts), atol=1e-7)
     assert plan.energy_mwh["losses"] == pytest.approx(known.loss_mw, abs=1e-7)
     assert plan.relaxed == []
@@ -59,6 +61,7 @@ def test_an_ac_plan_of_a_mesh_is_the_power_flow(name: str, method: str) -> None:
 
 def test_scip_proves_a_ring() -> None:
     plan = rs.solve(feeder(RING, LOADS), method="exact")
+    assert plan.gap is not None
     known = truth(RING, LOADS, {})
     assert plan.energy_mwh["losses"] == pytest.approx(known.loss_mw, abs=1e-6)
     assert plan.gap < 1e-5
