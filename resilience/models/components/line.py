@@ -54,12 +54,13 @@ from typing import Literal
 
 import numpy as np
 
-from resilience.arrays import Bools, Complexes, Floats, Ints
-from resilience.models.algebra import Affine, Labels, labelled, replaced, scatter, stack
+from resilience.arrays import Bools, Floats, Ints
+from resilience.models.algebra import Affine, labelled, replaced, scatter, stack
 from resilience.models.components.base import Injection
+from resilience.models.components.line_data import LineData
 from resilience.models.components.loops import close_loops, share
 from resilience.models.language.stage import Stage
-from resilience.models.network.limits import MARGIN, FlowLimits
+from resilience.models.network.limits import MARGIN
 from resilience.models.network.situation import Situation
 from resilience.tolerances import INPUT_TOLERANCE
 
@@ -67,51 +68,8 @@ LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cone
 
 
 @dataclass(frozen=True)
-class Lines:
-    """The lines that can be closed. Arrays are (lines,); powers in MW, impedances in pu (1 MVA).
-
-    Attributes:
-        names: of the lines.
-        from_bus, to_bus: indices of the buses at their ends.
-        r, x: series impedance, pu.
-        ratio: of the ideal transformer at the first end, tap and phase shift.
-        y_from, y_to: charging at the two ends, pu; the first behind the ratio.
-        rating: thermal limit, MVA; infinite without one.
-        limits: F in the module's docstring, and what it is made of.
-        determined: lines whose flow follows from the injections; elsewhere it may circulate.
-        fallible: lines that data may take out.
-        switchable: lines with a binary status.
-        closed: status of the switchable lines at the start.
-        switching_cost: $ each time a line is opened or closed.
-        v_min, v_max: (buses,) lowest and highest voltage, pu; None where there are no voltages, and
-            a rating is a bound in place of a disc.
-        losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
-        may_be_dark: a dead island has no voltage; elsewhere it means nothing there.
-        looped: (lines,) those in a loop; None where the network is radial.
-        loop_shift: (lines,) phase shift that is left of each round its loop, rad.
-    """
-
-    names: Labels
-    from_bus: Ints
-    to_bus: Ints
-    r: Floats
-    x: Floats
-    ratio: Complexes
-    y_from: Complexes
-    y_to: Complexes
-    rating: Floats
-    limits: FlowLimits
-    determined: Bools
-    fallible: Bools
-    switchable: Bools
-    closed: Bools
-    switching_cost: Floats
-    v_min: Floats | None
-    v_max: Floats | None
-    losses: bool
-    may_be_dark: bool = False
-    looped: Bools | None = None
-    loop_shift: Floats | None = None
+class Lines(LineData):
+    """The lines that can be closed, in the equations above; see `LineData` for what they hold."""
 
     @property
     def switched(self) -> Ints:
@@ -142,11 +100,6 @@ class Lines:
         self._rate(stage, "line.rating_end", p_end, q_end, rated & (self.losses | charged))
         bus = np.concatenate([self.from_bus, self.to_bus])
         return Injection(stack([-p_sent, p_end]), stack([-q_sent, q_end]), bus)
-
-    @property
-    def tap(self) -> Floats:
-        """(lines,) magnitude of the ratio."""
-        return np.abs(self.ratio)
 
     def _rate(self, stage: Stage, name: str, p: Affine, q: Affine, rated: Bools) -> None:
         rows = np.flatnonzero(rated)
@@ -228,27 +181,6 @@ class Lines:
             rows = self.switched
             stage.switch(f"{name}.switch", flow[rows], closed, np.maximum(*self.peaks[:2])[rows])
         return flow
-
-    @property
-    def peaks(self) -> tuple[Floats, Floats, Floats]:
-        """(lines,) `forth`, `back` and `l_max` at the peaks of all profiles."""
-        forth, back, l_max = self._limits(self.limits.peak[:, None])
-        return forth[:, 0], back[:, 0], l_max[:, 0]
-
-    def _limits(self, profiles: Floats) -> tuple[Floats, Floats, Floats]:
-        """(lines, nodes) `forth`, `back` and `l_max` of lines that are up, at (profiles, nodes)."""
-        limits, rating = self.limits, self.rating[:, None]
-        forth, back = limits.forth @ profiles, limits.back @ profiles
-        if self.v_min is None or self.v_max is None:
-            rated = np.isfinite(rating)
-            return np.where(rated, rating, forth), np.where(rated, rating, back), 0.0 * forth
-        v_max = self.v_max[self.from_bus] / self.tap
-        rating = rating + (np.abs(self.y_from) * v_max**2)[:, None]  # charging may set flow off
-        forth, back = (np.minimum(flow, MARGIN * rating) for flow in (forth, back))
-        if limits.current is None:
-            return forth, back, 0.0 * forth
-        by_rating = MARGIN * rating / (self.v_min[self.from_bus] / self.tap)[:, None]
-        return forth, back, np.minimum(limits.current @ profiles, by_rating) ** 2
 
     def _voltages(
         self, stage: Stage, p: Affine, q: Affine, v_i: Affine, v_j: Affine, closed: Affine | None

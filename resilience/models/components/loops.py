@@ -27,21 +27,17 @@ The slack $\delta$ opens where the line is out. Trees have no such rows: there a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Affine, labelled, scatter
+from resilience.models.components.line_data import LineData
 from resilience.models.language.stage import Stage
-
-if TYPE_CHECKING:
-    from resilience.models.components.line import Lines
 
 TURN_MAX = 7.0  # rad: two angles of buses, and what phase shifts leave
 
 
-def share(lines: Lines, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
+def share(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
     """Parallel lines that are both up have one angle between their ends."""
     first, second, sign = parallel(lines)
     if lines.looped is not None and not lines.losses:
@@ -70,7 +66,7 @@ def share(lines: Lines, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None
     stage.eq("line.angle", twist[first] - second_twist - gap)
 
 
-def close_loops(lines: Lines, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
+def close_loops(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
     """Lines of a loop have the angles of their buses between their ends."""
     if lines.looped is None or lines.loop_shift is None or not lines.looped.any():
         return
@@ -96,7 +92,7 @@ def close_loops(lines: Lines, stage: Stage, p: Affine, q: Affine, v_i: Affine) -
     stage.angle("line.loop", labelled(theta, names), re, im)
 
 
-def parallel(lines: Lines) -> tuple[Ints, Ints, Floats]:
+def parallel(lines: LineData) -> tuple[Ints, Ints, Floats]:
     """Pairs of fixed lines that join two buses, and 1 or -1: whether they point alike."""
     first: dict[tuple[int, int], int] = {}
     pairs = []
