@@ -90,7 +90,7 @@ def test_a_meshed_network_is_refused_with_the_names_of_a_cycle(physics: str) -> 
 
 
 def test_a_meshed_network_can_be_a_copperplate() -> None:
-    assert solved(case14(), "lp", "copperplate").objective == pytest.approx(2.0)  # type: ignore[arg-type]
+    assert solved(case14(), "lp", "copperplate").objective == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("method", ["lp", "milp"])
