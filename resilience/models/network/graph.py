@@ -198,8 +198,8 @@ def mismatch(network: Network) -> Complexes:
             k = graph.edges[near, far]["line"]
             forth = network.from_bus[k] == near
             frame[far] = frame[near] * network.ratio[k] ** (-1 if forth else 1)
-    rest = network.ratio * frame[network.to_bus] / frame[network.from_bus]
-    return np.where(np.abs(rest - 1.0) < ROUNDING, 1.0 + 0j, rest)
+    mismatched = network.ratio * frame[network.to_bus] / frame[network.from_bus]
+    return np.where(np.abs(mismatched - 1.0) < ROUNDING, 1.0 + 0j, mismatched)
 
 
 def cycle(network: Network) -> list[str]:

@@ -183,7 +183,7 @@ def circulation(network: Network, v_max_pu: Floats) -> Floats:
 
 
 def with_loops(
-    network: Network, loops: Bools, rest: Complexes, v_max_pu: Floats
+    network: Network, loops: Bools, mismatched: Complexes, v_max_pu: Floats
 ) -> tuple[Floats, Floats]:
     """(lines,) factor of what lines can be asked to carry, and current besides, pu, in loops.
 
@@ -194,10 +194,10 @@ def with_loops(
     Args:
         network: only lines that can be closed.
         loops: (lines,) those in a cycle.
-        rest: (lines,) ratio that is left of each round its loop.
+        mismatched: (lines,) ratio that is left of each round its loop.
         v_max_pu: (buses,) highest voltage.
     """
-    volts = v_max_pu[network.from_bus] * np.abs(1.0 - rest) / network.tap
+    volts = v_max_pu[network.from_bus] * np.abs(1.0 - mismatched) / network.tap
     z = np.maximum(np.hypot(network.r_pu, network.x_pu), SHORT_PU)
     driven = float((volts / z)[loops].sum())
     return np.where(loops, LOOP_ROOM, 1.0), np.where(loops, MARGIN * driven, 0.0)
