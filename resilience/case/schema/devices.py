@@ -45,6 +45,7 @@ from resilience.case.schema.units import (
     MAX_MEAN_H,
     Availability,
     DeviceTable,
+    HoursToFailure,
     HoursToRepair,
     UnitTable,
 )
@@ -69,11 +70,7 @@ class PVTable(UnitTable):
         "taken. Not beside s_mva",
     )
     cost_per_mwh: float = Field(0.0, description="price of its energy, per MWh")
-    mttf_h: Positive | None = Field(
-        None,
-        le=MAX_MEAN_H,
-        description="mean time to failure, h, exponential; absent: it does not fail",
-    )
+    mttf_h: HoursToFailure = None
     mttr_h: HoursToRepair = None
     availability: Availability = 1.0
 
@@ -103,11 +100,7 @@ class ESSTable(UnitTable):
         None, description="inverter rating, MVA; absent: unity power factor"
     )
     grid_forming: bool = Field(True, description="true: can carry an island alone")
-    mttf_h: Positive | None = Field(
-        None,
-        le=MAX_MEAN_H,
-        description="mean time to failure, h, exponential; absent: it does not fail",
-    )
+    mttf_h: HoursToFailure = None
     mttr_h: HoursToRepair = None
     availability: Availability = 1.0
 

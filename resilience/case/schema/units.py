@@ -28,6 +28,13 @@ class DeviceTable(Table):
 
 MAX_MEAN_H = 1e7
 """A thousand years, of the time to a failure: beyond, a number is a slip."""
+HoursToFailure = Annotated[
+    Positive | None,
+    Field(
+        le=MAX_MEAN_H,
+        description="mean time to failure, h, exponential; absent: it does not fail",
+    ),
+]
 HoursToRepair = Annotated[
     Positive | None,
     Field(description="mean time to repair, h, exponential; absent: not within the horizon"),
