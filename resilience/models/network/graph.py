@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import networkx as nx
 import numpy as np
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from resilience.case import Network
 
 ROUNDING = 1e-12  # of a product of ratios
+Values = TypeVar("Values", Floats, Complexes)
 
 
 def closable(network: Network) -> Network:
@@ -183,21 +184,32 @@ def looped(network: Network) -> Bools:
     return firm & np.array([frozenset(pair) not in apart for pair in ends], bool)
 
 
-def mismatch(network: Network) -> Complexes:
-    """(lines,) ratio of every line over that of the way through a tree beside it; 1 where they fit.
+def along_trees(network: Network, ratio: Values) -> Values:
+    """(buses,) 1 at one bus of each connected part, divided by the ratios of the lines on the way.
 
-    Its angle is the phase shift that is left in a loop, its magnitude the tap.
+    Args:
+        network: only lines that can be closed.
+        ratio: (lines,) of every line, from its first end to its second.
     """
-    frame = np.ones(len(network.bus_names), complex)
+    scale = np.ones(len(network.bus_names), ratio.dtype)
     graph = nx.Graph()
-    graph.add_nodes_from(range(len(frame)))
+    graph.add_nodes_from(range(len(scale)))
     for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
         graph.add_edge(*ends, line=k)
     for component in nx.connected_components(graph):
         for near, far in nx.bfs_edges(graph, min(component)):
             k = graph.edges[near, far]["line"]
             forth = network.from_bus[k] == near
-            frame[far] = frame[near] * network.ratio[k] ** (-1 if forth else 1)
+            scale[far] = scale[near] / ratio[k] if forth else scale[near] * ratio[k]
+    return scale
+
+
+def mismatch(network: Network) -> Complexes:
+    """(lines,) ratio of every line over that of the way through a tree beside it; 1 where they fit.
+
+    Its angle is the phase shift that is left in a loop, its magnitude the tap.
+    """
+    frame = along_trees(network, network.ratio)
     mismatched = network.ratio * frame[network.to_bus] / frame[network.from_bus]
     return np.where(np.abs(mismatched - 1.0) < ROUNDING, 1.0 + 0j, mismatched)
 

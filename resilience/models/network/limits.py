@@ -45,6 +45,7 @@ import networkx as nx
 import numpy as np
 
 from resilience.arrays import Bools, Complexes, Floats, Ints
+from resilience.models.network.graph import along_trees
 
 if TYPE_CHECKING:
     from resilience.case import Network
@@ -205,18 +206,10 @@ def with_loops(
 
 def _scales(network: Network) -> tuple[Floats, float]:
     """(buses,) scale of every bus, and 1; or ones and the product of all ratios if none fits."""
-    tap, scale = network.tap, np.ones(len(network.bus_names))
+    tap = network.tap
     if (tap == 1.0).all():
-        return scale, 1.0
-    graph = nx.Graph()
-    graph.add_nodes_from(range(len(scale)))
-    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
-        graph.add_edge(*ends, line=k)
-    for component in nx.connected_components(graph):
-        for near, far in nx.bfs_edges(graph, min(component)):
-            k = graph.edges[near, far]["line"]
-            forth = network.from_bus[k] == near
-            scale[far] = scale[near] / tap[k] if forth else scale[near] * tap[k]
+        return np.ones(len(network.bus_names)), 1.0
+    scale = along_trees(network, tap)
     fits = np.isclose(scale[network.from_bus], tap * scale[network.to_bus], rtol=1e-9)
     if fits.all():
         return scale, 1.0
