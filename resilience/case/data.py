@@ -18,6 +18,7 @@ from resilience.case.schema import (
     BlackoutTable,
     DeviceTable,
     ESSTable,
+    FallibleTable,
     GeneratorTable,
     GeographyTable,
     GridTable,
@@ -141,8 +142,13 @@ class Case:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Names of all devices that may be out of order, as lines may be."""
-        return tuple(device.name for device in self.tables_of(UnitTable))
+        """Names of all devices, and tanks with deliveries, that may be out as lines may be."""
+        return tuple(unit.name for unit in self.fallible)
+
+    @property
+    def fallible(self) -> tuple[FallibleTable, ...]:
+        """Tables of `units`."""
+        return (*self.tables_of(UnitTable), *(tank for tank in self.tank if tank.delivery))
 
     @property
     def fallible_units(self) -> tuple[str, ...]:
@@ -150,7 +156,7 @@ class Case:
         lines, hit = set(self.network.line_names), {outage.line for outage in self.outages}
         return tuple(
             unit.name
-            for unit in self.tables_of(UnitTable)
+            for unit in self.fallible
             if (unit.can_fail or unit.name in hit) and unit.name not in lines
         )
 

@@ -288,6 +288,7 @@ def _read_outages(parts: Parts, head: HeadTable) -> tuple[Outage, ...]:
     specs, mistakes = split_specs(head.outages, file, "outages")
     network = parts.network if parts.inline.complete else None
     units = [str(table.name) for _, table, _ in parts.all_devices() if isinstance(table, UnitTable)]
+    units += [str(tank.name) for tank, _ in parts.tanks if tank.delivery]
     outages, more = place_outages(specs, file, network, parts.window, units)
     document.mistakes += [*mistakes, *more]
     return outages

@@ -20,7 +20,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.dispatch.merged_grid import merged_grid
-from resilience.dispatch.window_program import check_storage
+from resilience.dispatch.window_program import check_stored
 from resilience.errors import UsageError
 from resilience.fragility.outages.blackout import Blackout, case_blackout
 from resilience.models.backends.highs import LONG_HORIZON_OPTIONS, Highs
@@ -159,7 +159,7 @@ def check_comb(setting: Setting) -> None:
             f"{reason}",
             hint="`stochastic` plans for any belief",
         )
-    check_storage(setting.case)
+    check_stored(setting.case)
 
 
 def is_small_comb(setting: Setting) -> bool:

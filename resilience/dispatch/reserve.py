@@ -67,7 +67,9 @@ class Reserve:
         return np.unique(self.storage_bus)
 
     def emit(self, stage: Stage) -> None:
-        """What each bus is short of its reserve, at a price."""
+        """What each bus is short of its reserve, at a price; nothing without storage."""
+        if not len(self.buses):
+            return
         names = tuple(self.microgrid.network.bus_names[bus] for bus in self.buses)
         level = stage.data("reserve.level", names, unit="MWh", about="energy wanted in storage")
         price = stage.data("reserve.price", names, unit="$/MWh", about="price of being short of it")

@@ -23,7 +23,7 @@ from resilience.dispatch.window_program import (
     WindowRequest,
     WindowSteps,
     before_of,
-    check_storage,
+    check_stored,
     devices_of,
     fuel_of,
     joined_action,
@@ -67,7 +67,7 @@ class Stochastic:
         risk: Risk = RISK_NEUTRAL,
         seed: int = 0,
     ) -> None:
-        check_storage(setting.case)
+        check_stored(setting.case)
         self.name = "stochastic-cvar" if risk.averse else "stochastic"
         self.setting, self.paths, self.risk, self.seed = setting, paths, risk, seed
         if isinstance(belief, Bell):

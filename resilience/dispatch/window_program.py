@@ -217,16 +217,16 @@ def joined_action(decisions: Sequence[Decision]) -> Action:
     return power if burner_mw is None else Rationed(power, burner_mw)
 
 
-def check_storage(case: Case) -> None:
+def check_stored(case: Case) -> None:
     """Checks that there is something to decide ahead of time.
 
     Raises:
-        UsageError: the case has no storage.
+        UsageError: the case has neither storage nor a tank.
     """
-    if not case.ess:
+    if not case.ess and not case.tank:
         raise UsageError(
-            f"case {case.name!r} has no storage; allowed: a case with [[ess]]",
-            hint="without storage there is nothing to look ahead for; `solve` plans it",
+            f"case {case.name!r} has no storage; allowed: a case with [[ess]] or [[tank]]",
+            hint="without stored energy there is nothing to look ahead for; `solve` plans it",
         )
 
 
@@ -258,7 +258,7 @@ class WindowProgram:
         risk: Risk = RISK_NEUTRAL,
     ) -> None:
         self.merged, self.steps, self.paths = merged, steps, paths
-        check_storage(merged.microgrid.case)
+        check_stored(merged.microgrid.case)
         loads = merged.microgrid.case.tables_of(LoadTable)
         self.final_price_per_mwh = max((load.shed_price_per_mwh for load in loads), default=0.0)
         dt = merged.microgrid.case.step_h

@@ -13,7 +13,7 @@ from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.models.network.situation import Situation
 
-LEVEL = "tank.level"
+LEVEL, DELIVERY = "tank.level", "tank.delivery"
 _UNITS = {
     "power": "MW fed in; storage: discharging positive; load: negative",
     "reactive": "Mvar fed in",

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from resilience.case.deliveries import delivery_slot
 from resilience.case.outages import outage_texts
-from resilience.case.schema import LoadTable, UnitTable
+from resilience.case.schema import LoadTable
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
 from resilience.planning.plan import Plan
 from resilience.planning.records import CertifiedPlan
@@ -173,7 +173,7 @@ def print_case(case: Case, console: Console) -> None:
     console.print(title)
     breakpoints = [n for n, b in zip(network.line_names, network.breakpoint, strict=True) if b]
     switches = [n for n, s in zip(network.line_names, network.switchable, strict=True) if s]
-    fails = [unit.name for unit in case.tables_of(UnitTable) if unit.can_fail]
+    fails = [unit.name for unit in case.fallible if unit.can_fail]
     cold = [load.name for load in case.tables_of(LoadTable) if load.cold_load_share]
     named = {
         "breakpoints": breakpoints,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from resilience.case.checks.parts import Parts
 from resilience.case.document import Finding
 from resilience.case.reading import show
-from resilience.case.schema import LoadTable, UnitTable
+from resilience.case.schema import FallibleTable, LoadTable, UnitTable
 
 
 def check_failing(parts: Parts) -> None:
@@ -18,6 +18,12 @@ def check_failing(parts: Parts) -> None:
             parts.document.add_findings((kind, str(unit.name)), title, findings)
         if isinstance(unit, LoadTable):
             parts.document.add_findings((kind, str(unit.name)), title, _wrong_surplus(unit))
+    for tank, title in parts.tanks:
+        findings = [*_wrong_name(parts, tank), *_wrong_times(parts, tank)]
+        if tank.can_fail and not tank.delivery:
+            hint = "what fails of a tank is that nothing comes; add [[tank.delivery]]"
+            findings += [("delivery", "none", "some, for a tank that may be out", hint)]
+        parts.document.add_findings(("tank", str(tank.name)), title, findings)
 
 
 def _wrong_surplus(load: LoadTable) -> Iterator[Finding]:
@@ -26,14 +32,14 @@ def _wrong_surplus(load: LoadTable) -> Iterator[Finding]:
         yield "cold_load_share", f"{load.cold_load_share:g}", "0 where p_max_mw = 0", hint
 
 
-def _wrong_name(parts: Parts, unit: UnitTable) -> Iterator[Finding]:
+def _wrong_name(parts: Parts, unit: FallibleTable) -> Iterator[Finding]:
     """Outages and scenarios go by name, and there a line comes first."""
     if unit.can_fail and parts.network is not None and parts.network.has_line(str(unit.name)):
         allowed = "a name that no line has, for a unit that fails"
         yield "name", show(unit.name), allowed, "rename the unit, or drop its keys of failing"
 
 
-def _wrong_times(parts: Parts, unit: UnitTable) -> Iterator[Finding]:
+def _wrong_times(parts: Parts, unit: FallibleTable) -> Iterator[Finding]:
     to_failure_h, to_repair_h = (getattr(unit, key, None) for key in ("mttf_h", "mttr_h"))
     if to_repair_h is not None and not unit.can_fail:
         hint = "add mttf_h, start_failure or availability, or drop mttr_h"

@@ -37,7 +37,7 @@ from resilience.case.schema.tables import (
     TankTable,
     TimeTable,
 )
-from resilience.case.schema.units import DeviceTable, UnitTable
+from resilience.case.schema.units import DeviceTable, FallibleTable, UnitTable
 
 __all__ = [
     "DEVICES",
@@ -51,6 +51,7 @@ __all__ = [
     "DeviceKind",
     "DeviceTable",
     "ESSTable",
+    "FallibleTable",
     "ForecastTable",
     "GeneratorTable",
     "GeographyTable",

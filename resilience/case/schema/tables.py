@@ -12,6 +12,12 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import ConfigDict, Field
 
 from resilience.case.schema.fields import Loose, Money, Name, NonNegative, Positive, Price, Table
+from resilience.case.schema.units import (
+    Availability,
+    FallibleTable,
+    HoursToFailure,
+    HoursToRepair,
+)
 
 MAX_SLOTS = 1_000_000
 """Of a horizon."""
@@ -130,8 +136,11 @@ class DeliveryTable(Table):
     amount_m3: Positive = Field(description="fuel, m³; what finds no room is turned away")
 
 
-class TankTable(Table):
-    """`[[tank]]`: fuel that generators share; those that burn from it name it as their `tank`."""
+class TankTable(FallibleTable):
+    """`[[tank]]`: fuel that generators share; those that burn from it name it as their `tank`.
+
+    What is out, where it is out, are its deliveries: what would come meanwhile does not.
+    """
 
     name: Name = Field(description="unique name of the tank")
     capacity_m3: Positive = Field(description="fuel that it can hold, m³: a thousand litres")
@@ -140,6 +149,9 @@ class TankTable(Table):
         description="fuel at the start, m³; default: full",
     )
     delivery: tuple[DeliveryTable, ...] = Field((), strict=False, description="fuel that arrives")
+    mttf_h: HoursToFailure = None
+    mttr_h: HoursToRepair = None
+    availability: Availability = 1.0
 
     @property
     def delivery_profile(self) -> str | None:

@@ -1,4 +1,4 @@
-"""What tables of devices have in common: a name, a bus, prices, and how devices fail."""
+"""What tables have in common: a device's name, bus and prices, and how whatever fails does so."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ Availability = Annotated[
 ]
 
 
-class UnitTable(DeviceTable):
-    """A device that may be out of order: its component heeds `DeviceFleet.available`.
+class FallibleTable(Table):
+    """What may be out of order as a line may be, under its name.
 
     Outages may name it. A table that has the keys `mttf_h`, `mttr_h`, `availability` or
     `start_failure` says how it fails, and scenarios draw that.
@@ -55,6 +55,8 @@ class UnitTable(DeviceTable):
         stands_by: it is in service only while its bus is without the main grid.
     """
 
+    name: Name = Field(description="unique name")
+
     stands_by: ClassVar[bool] = False
 
     @property
@@ -62,3 +64,7 @@ class UnitTable(DeviceTable):
         """Whether it is drawn when it is out of order."""
         sound = {"mttf_h": None, "start_failure": 0.0, "availability": 1.0}
         return any(getattr(self, key, value) != value for key, value in sound.items())
+
+
+class UnitTable(DeviceTable, FallibleTable):
+    """A device that may be out of order: its component heeds `DeviceFleet.available`."""

@@ -77,11 +77,13 @@ def load_behind_mw(case: Case, lines: Sequence[str]) -> Floats:
 
 
 def _unit_sizes_mw(case: Case) -> dict[str, float]:
-    """By name of the units, what each can give at most."""
+    """By name of the units, what each can give at most; of a tank, what burns from it."""
     sizes = {}
     for unit in case.tables_of(UnitTable):
         powers_mw = [getattr(unit, key, 0.0) for key in ("p_max_mw", "import_max_mw")]
         sizes[unit.name] = float(max(*powers_mw, -getattr(unit, "p_min_mw", 0.0)))
+    for tank in case.tank:
+        sizes[tank.name] = sum(unit.p_max_mw for unit in case.generator if unit.tank == tank.name)
     return sizes
 
 

@@ -1,16 +1,17 @@
-r"""Units that fail: generators that do not start or stop running, storage and plants that break.
+r"""Units that fail: generators that do not start or stop running, storage and plants that break,
+tanks that nobody can deliver to.
 
 A unit in order fails in slot $t$ with the probability $1 - e^{-h_t}$, and one that is out is back
 in the next slot with the probability $1 - e^{-\Delta / \text{MTTR}}$:
 
 $$ h_t = \frac{\Delta}{\text{MTTF}}\, r_t - \ln(1 - f)\, c_t $$
 
-A storage or a plant is always in service, $r_t = 1$. A generator stands by: $r_t$ is 1 where its
-bus is without the main grid, and $c_t$ is 1 in the first of these slots, in which it is called on
-and fails to start with the probability $f$. That is so in every loss of the grid and whatever a
-dispatcher does with the unit, so that everybody faces the same failures; and all times are
-exponential, so that the present status says all there is to know. What has been repaired has been
-tried out: it does not fail to start in the slot in which it is back.
+A storage, a plant or the way to a tank is always in service, $r_t = 1$. A generator stands by:
+$r_t$ is 1 where its bus is without the main grid, and $c_t$ is 1 in the first of these slots, in
+which it is called on and fails to start with the probability $f$. That is so in every loss of the
+grid and whatever a dispatcher does with the unit, so that everybody faces the same failures; and
+all times are exponential, so that the present status says all there is to know. What has been
+repaired has been tried out: it does not fail to start in the slot in which it is back.
 
 The measures are those of Marqusee and Jenket (Reliability of emergency and standby diesel
 generators, Applied Energy 268, 2020): availability, failure to start, mean time to failure.
@@ -43,7 +44,7 @@ class FailingUnits:
 
     Attributes:
         names: of the units.
-        bus: index of each one's bus in the case's network.
+        bus: index of each one's bus in the case's network; 0 of tanks, which never stand by.
         fail_rate: of failing in service, per slot.
         start_hazard: minus log of the chance to start.
         repair_rate: per slot; 0 where nobody repairs it.
@@ -65,7 +66,7 @@ class FailingUnits:
 
         Those that do not say it neither fail nor are repaired.
         """
-        by_name = {unit.name: unit for unit in case.tables_of(UnitTable)}
+        by_name = {unit.name: unit for unit in case.fallible}
         if names is None:
             names = [name for name in case.fallible_units if by_name[name].can_fail]
         units = [by_name[name] for name in names]
@@ -78,7 +79,13 @@ class FailingUnits:
         start = np.array([getattr(unit, "start_failure", 0.0) for unit in units], float)
         return cls(
             names=tuple(names),
-            bus=np.array([case.network.bus(unit.bus) for unit in units], np.intp),
+            bus=np.array(
+                [
+                    case.network.bus(unit.bus) if isinstance(unit, UnitTable) else 0
+                    for unit in units
+                ],
+                np.intp,
+            ),
             fail_rate=per_slot("mttf_h"),
             start_hazard=-np.log1p(-start),
             repair_rate=per_slot("mttr_h"),

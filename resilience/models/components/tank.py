@@ -4,9 +4,12 @@ $$ \ell' = \min\Big\{\ell + \Delta t \Big(d - \sum_{g} f_g\Big),\ L\Big\}, \qqua
 \qquad f_g = \max_k \left(a_{gk}\, p_g + b_{gk}\, u_g\right) $$
 
 The sum is over the generators that burn from the tank. What is delivered in a slot can be burnt
-in it; what finds no room at its end is turned away. A fuel curve is convex, so what a unit burns is
-the largest of its pieces; with one piece it is $a_g p_g + b_g u_g$, slope and no-load. A unit
-without commitment burns nothing at no output, $b_g = 0$, and $u_g = 1$.
+in it; what finds no room at its end is turned away. What would come while a tank is out, as a unit
+is out of order, does not come, and not later either.
+
+A fuel curve is convex, so what a unit burns is the largest of its pieces; with one piece it is
+$a_g p_g + b_g u_g$, slope and no-load. A unit without commitment burns nothing at no output,
+$b_g = 0$, and $u_g = 1$.
 
 What fuel costs is in the generators' prices and is paid when it is burnt. So what is left at the
 end is worth what it cost, and no grid can refill it.
@@ -139,9 +142,10 @@ class Tanks:
         return tuple(self.tables[k].delivery_profile for k in self.delivered)
 
     def data(self, situation: Situation) -> dict[str, Floats]:
-        """Deliveries."""
-        rates = [situation.profile(name) for name in self.profiles()]
-        return {"tank.delivery_rate": np.array(rates, float).reshape(len(rates), situation.n)}
+        """Deliveries: none to a tank that is out."""
+        rates = np.array([situation.profile(name) for name in self.profiles()], float)
+        comes = situation.works([self.names[k] for k in self.delivered])
+        return {"tank.delivery_rate": rates.reshape(len(comes), situation.n) * comes}
 
     def start(self) -> dict[str, Floats]:
         """Fuel at the start, m³."""

@@ -9,7 +9,7 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.models.case_program import CaseProgram
 from resilience.models.components import DeviceFleet
-from resilience.planning.tables import LEVEL
+from resilience.planning.tables import DELIVERY, LEVEL
 from resilience.tolerances import AT_LIMIT_TOLERANCE
 
 
@@ -33,9 +33,9 @@ def fuel_balance(program: CaseProgram, z: Floats) -> FuelBalance:
     """The fuel of a settled point of a program with tanks."""
     standard, case = program.standard, program.case
     start, end = program.x0[LEVEL], z[standard.columns(LEVEL)][:, -1]
-    delivered = np.array(
-        [case.profile(t.delivery_profile).sum() if t.delivery_profile else 0.0 for t in case.tank]
-    )
+    delivered, tanks = np.zeros(len(start)), program.microgrid.tanks
+    if tanks is not None and standard.has(DELIVERY):
+        delivered[tanks.delivered] = z[standard.columns(DELIVERY)].sum(axis=1)
     rows = standard.rows("tank.dynamics")
     turned_away = (program.vectors.row_upper - standard.a @ z)[rows].sum(axis=1)
     brought = delivered * case.step_h
