@@ -38,69 +38,21 @@ from tests.fuzz.changes import (
     table_changed,
     words_changed,
 )
+from tests.fuzz.full_case import dark_case, stormy_case
 from tests.fuzz.kinds import Files, Kind, one_file
 from tests.unit.case.valid import VALID
 
-WEATHER = """
-reserve_price_per_mwh = 500.0
-terminal_value_per_mwh = 0.3
-[geography]
-anchor_bus = "1"
-ohm_per_km = 0.3
-[outage]
-probability = 0.7
-duration_slots = [3, 9]
-centres = [40, 60]
-[storm]
-points = [
-  [2016-07-11T18:00:00, 18.0, 112.0, 960.0, 38.0],
-  [2016-07-12T02:00:00, 20.5, 110.5, 945.0, 45.0],
-  [2016-07-12T12:00:00, 21.5, 109.0, nan, 33.0],
-]
-averaging_s = 120
-utc_offset_h = 8
-pole = "mine"
-[storm.repair]
-law = "lognormal"
-hours = [4.0, 0.4]
-crews = 2
-priority = { "1-2" = 2.0 }
-[storm.forecast]
-members = 3
-[storm.cloud]
-factor = 0.4
-radius_km = 150.0
-[storm.curves.mine]
-kind = "lognormal"
-median_mps = 60.0
-beta = 0.3
-averaging_s = 3
-"""
 CASE_FILE = "case.toml"
 
 
-def rich_case() -> dict[str, Any]:
-    """A case with every table there is."""
-    head, _, rest = VALID.partition("[network]")
-    data = tomllib.loads(f"{head}{WEATHER.split('[geography]', maxsplit=1)[0]}[network]{rest}")
-    data |= tomllib.loads("[geography]" + WEATHER.partition("[geography]")[2])
-    for k, bus in enumerate(data["network"]["bus"]):
-        bus |= {"lat_deg": 20.9 + 0.002 * k, "lon_deg": 110.1 + 0.003 * k}
-    data["grid"][0]["tariff"] = [["00:00", 30.0], ["06:30", 70.0]]
-    del data["grid"][0]["import_cost_per_mwh"]
-    data["line"][0] |= {"hardening": 1.5, "span_m": 45.0}
-    data["defaults"]["ess"] = {"efficiency_charge": 0.93}
-    return data
-
-
 @st.composite
-def case_changed(draw: st.DrawFn) -> bytes:
+def case_changed(draw: st.DrawFn, sound: dict[str, Any]) -> bytes:
     """A case file with other data, or other bytes."""
-    data = draw(data_changed(RICH, times=True))
+    data = draw(data_changed(sound, times=True))
     try:
         text = tomli_w.dumps(data).encode()
     except (TypeError, ValueError, RecursionError, UnicodeEncodeError):
-        text = tomli_w.dumps(RICH).encode()
+        text = tomli_w.dumps(sound).encode()
         return draw(bytes_changed(text))
     return draw(bytes_changed(text)) if draw(st.integers(0, 4)) == 0 else text
 
@@ -120,22 +72,21 @@ def sound_case(case: rs.Case) -> None:
     print_case(case, plain_console(file=io.StringIO(), width=100))
 
 
-RICH = rich_case()
-
-
 def load(folder: Path) -> rs.Case:
     return rs.load_case(folder / CASE_FILE)
 
 
-CASES = {
-    "case": Kind(
-        lambda: {CASE_FILE: tomli_w.dumps(RICH).encode()},
-        lambda _: case_changed().map(lambda data: {CASE_FILE: data}),
+def case_kind(sound: dict[str, Any]) -> Kind:
+    return Kind(
+        lambda: {CASE_FILE: tomli_w.dumps(sound).encode()},
+        lambda _: case_changed(sound).map(lambda data: {CASE_FILE: data}),
         load,
         sound_case,
         CASE_FILE,
     )
-}
+
+
+CASES = {"case": case_kind(stormy_case()), "case in the dark": case_kind(dark_case())}
 
 STAMPS = [datetime(2016, 7, 12) + timedelta(minutes=15 * k) for k in range(12)]
 COLUMNS = {name: [round(0.3 + k * step, 4) for k in range(12)]

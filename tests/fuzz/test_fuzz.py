@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from tests.fuzz.every import KINDS
+from tests.fuzz.full_case import ELSEWHERE, allowed, dark_case, stated, stormy_case
 from tests.fuzz.kinds import Files, Ground
 
 EXAMPLES = int(os.environ.get("RESILIENCE_FUZZ", "0"))
@@ -46,3 +47,9 @@ def test_changed_files_are_read_or_refused_in_words(name: str, tmp_path: Path) -
 
     judged()
     assert "refused" in verdicts
+
+
+def test_the_cases_that_are_changed_state_every_key() -> None:
+    """A new key that no sound case states would never be changed."""
+    changed = {*stated(stormy_case()), *stated(dark_case())}
+    assert set(allowed()) - changed == set(ELSEWHERE)
