@@ -55,10 +55,9 @@ def campaign(name: str, n: int, number: int, keep: Path | None) -> None:
                     print(f"  {place(error)}", flush=True)
                     for file, data in changed.items():
                         if keep is not None:
-                            path = keep / f"{name}-{len(faults)}-{Path(file).name}".replace(
-                                " ", "_"
-                            )
-                            path.write_bytes(data)
+                            kept = f"{name}-{len(faults)}-{Path(file).name}".replace(" ", "_")
+                            keep.mkdir(parents=True, exist_ok=True)
+                            (keep / kept).write_bytes(data)
 
         each_file()
     seconds = time.process_time() - began

@@ -20,6 +20,8 @@ from resilience.models.backends.base import (
     of_solver,
 )
 from resilience.models.backends.highs_model import (
+    AT_LOWER,
+    BASIC,
     LINEAR_OPTIONS,
     TREE_OPTIONS,
     WARM_OPTIONS,
@@ -27,9 +29,12 @@ from resilience.models.backends.highs_model import (
     HighsModel,
     Option,
     RunStatus,
+    Statuses,
+    basis_of,
 )
 from resilience.models.backends.highs_scale import Scale
 from resilience.models.backends.lower import Lowered, lower
+from resilience.models.backends.node_by_node import node_statuses
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.referee import row_violations
 from resilience.models.program.standard import Standard, Vectors
@@ -168,6 +173,31 @@ class Highs:
     def resume_at(self, basis: Basis) -> None:
         """As `start_at`, but with the factors and norms that the last solve has left: faster."""
         self.model.set_basis(basis)
+
+    def start_node_by_node(self) -> None:
+        """Lets the next solve start from the nodes of the tree, each solved by itself."""
+        self._start(*node_statuses(self.standard, self._latest))
+
+    def start_as(self, solved: Highs) -> bool:
+        """Lets the next solve start where another one ended; False where it had other rows.
+
+        This one may have more behind those.
+        """
+        old, new = solved._matrix(), self._matrix()
+        if old.shape[1] != new.shape[1] or old.shape[0] > new.shape[0]:
+            return False
+        head = new[: old.shape[0]]
+        if head.nnz != old.nnz or (head != old).nnz:
+            return False
+        self._start(*(np.array(statuses, object) for statuses in solved.model.statuses))
+        return True
+
+    def _start(self, columns: Statuses, rows: Statuses) -> None:
+        """At the statuses of the first columns and rows: what is added to them is slack."""
+        n_rows, n_columns = self._matrix().shape
+        columns = np.append(columns, np.full(n_columns - len(columns), AT_LOWER, object))
+        rows = np.append(rows, np.full(n_rows - len(rows), BASIC, object))
+        self.model.set_basis(basis_of(columns, rows))
 
     def forget(self) -> None:
         """Lets the next solve start from nothing."""

@@ -13,6 +13,7 @@ from typing import Any, NewType
 
 import highspy
 import numpy as np
+import numpy.typing as npt
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
@@ -41,6 +42,11 @@ TREE_OPTIONS: dict[str, Option] = {"mip_feasibility_tolerance": 1e-9}
 _ROWWISE = int(highspy.MatrixFormat.kRowwise)
 _MINIMIZE = int(highspy.ObjSense.kMinimize)
 _HAS_POINT = 2  # of `primal_solution_status`
+AT_LOWER: object = highspy.HighsBasisStatus.kLower
+BASIC: object = highspy.HighsBasisStatus.kBasic
+AT_UPPER: object = highspy.HighsBasisStatus.kUpper
+Statuses = npt.NDArray[np.object_]
+"""Of columns or rows in a basis: one of the three above, or what HiGHS has beside them."""
 
 
 class RunStatus(Enum):
@@ -277,6 +283,12 @@ class HighsModel:
         """Lets the next run start from a basis."""
         self._highs.setBasis(basis)
 
+    @property
+    def statuses(self) -> tuple[list[object], list[object]]:
+        """Of the last run's basis, column by column and row by row."""
+        basis = self._highs.getBasis()
+        return basis.col_status, basis.row_status
+
     def forget(self) -> None:
         """Lets the next run start from nothing."""
         self._highs.clearSolver()
@@ -300,6 +312,14 @@ class HighsModel:
         """
         self._highs.feasibilityRelaxation(-1.0, -1.0, 1.0, None, None, penalty)
         return self.solution.values
+
+
+def basis_of(columns: Statuses, rows: Statuses) -> Basis:
+    """A basis of the statuses of columns and rows, as many `BASIC` as there are rows."""
+    basis = highspy.HighsBasis()
+    basis.col_status, basis.row_status = columns.tolist(), rows.tolist()
+    basis.valid = True
+    return Basis(basis)
 
 
 def _ints(values: Any) -> Any:

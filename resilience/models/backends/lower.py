@@ -109,6 +109,7 @@ def lower(
     integer: Integers = "all",
     modes: Mapping[int, Bools] | None = None,
     discs: Discs = "inner",
+    polygons: Mapping[int, Bools] | None = None,
 ) -> Lowered:
     """See the module's docstring.
 
@@ -118,6 +119,8 @@ def lower(
         modes: for the index of each structure with modes, which elements (n,) get binaries; all
             elements of all of them if omitted.
         discs: polygon within the disc or around it.
+        polygons: for the index of each structure of discs, which elements (n,) get their polygons,
+            the others being left out; all elements of all of them if omitted.
 
     Raises:
         UsageError: a structure is of a class that nobody has said how to rewrite.
@@ -125,8 +128,9 @@ def lower(
     refuse_unknown(standard, "a linear program", _REWRITES)
     rows = _Rows(standard.n_columns, [standard.a.copy()])
     for k, unrolled in enumerate(standard.structures):
-        default = np.full(unrolled.n, modes is None)
-        chosen = default if modes is None else modes.get(k, default)
+        choice = polygons if isinstance(unrolled.structure, Disc) else modes
+        default = np.full(unrolled.n, choice is None)
+        chosen = default if choice is None else choice.get(k, default)
         _REWRITES[type(unrolled.structure)](rows, unrolled, np.flatnonzero(chosen))
     held_integer = np.ones(rows.width, bool)
     held_integer[: standard.n_columns] = standard.integer & (integer == "all")
@@ -160,6 +164,8 @@ def _matrix(block: BinaryRows, width: int) -> sp.csr_array:
 
 
 def _polygon(rows: _Rows, unrolled: UnrolledStructure[Disc], chosen: Ints) -> None:
+    if len(chosen) < unrolled.n:
+        unrolled = unrolled.elements(chosen)
     block, radius, shift = unrolled.structure.polygon(unrolled)
     rows.disc_rows.append(rows.add(block, radius))
     rows.disc_shift.append(shift)

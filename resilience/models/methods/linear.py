@@ -29,6 +29,7 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import conflict, infeasible, no_plan
+from resilience.models.methods.large import LONG_COLUMNS, first_polygons, without_polygon
 from resilience.models.methods.start import any_point, has_switches, with_switches_held
 from resilience.models.methods.tidy import with_least_circulation
 from resilience.models.program.gate import cost_scale, gap
@@ -54,6 +55,8 @@ class LinearSearch:
         modes: for the index of each structure with modes, the elements (n,) that have binaries.
         bound: lower bound, $.
         best: the best plan so far.
+        polygons: for the index of each structure of discs, the elements (n,) that have polygons.
+        last: the last linear program of many columns that was solved.
         rows: tangents of discs, G z <= h, where the polygons around them were exceeded.
     """
 
@@ -64,7 +67,12 @@ class LinearSearch:
     modes: dict[int, Bools] = field(default_factory=dict)
     bound: float = -np.inf
     best: Solution = NOTHING
+    polygons: dict[int, Bools] = field(init=False)
+    last: Highs | None = None
     rows: list[Rows] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.polygons = first_polygons(self.program.standard)
 
     def gap_of(self, plan: Solution) -> float:
         """Relative gap of a plan; inf without one."""
@@ -84,14 +92,24 @@ class LinearSearch:
     def solver(self, vectors: Vectors, discs: Discs = "outer") -> Highs:
         """HiGHS with what is held so far; it has yet to be told its time."""
         standard = self.program.standard
-        lowered = lower(standard, integer=self.integer, modes=self.modes, discs=discs)
+        lowered = lower(
+            standard, integer=self.integer, modes=self.modes, discs=discs, polygons=self.polygons
+        )
         rows = None
         if discs == "outer" and self.rows:
             blocks, right = zip(*self.rows, strict=True)
             rows = sp.vstack(blocks, format="csr"), np.concatenate(right)
         solver = Highs(lowered, rows=rows, gap=self.options.gap / 2)
         solver.update(vectors)
+        if not solver.is_mip and standard.n_columns >= LONG_COLUMNS:
+            self._start(solver)
         return solver
+
+    def _start(self, solver: Highs) -> None:
+        """From where the last such program ended, or else node by node."""
+        if self.last is None or not solver.start_as(self.last):
+            solver.start_node_by_node()
+        self.last = solver
 
     def solve(self, solver: Highs, seconds: float) -> Solution:
         """What a solver finds in that many seconds; nothing where none are left."""
@@ -110,7 +128,22 @@ class LinearSearch:
             self.modes[k] = self.modes.get(k, np.zeros(len(elements), bool)) | elements
         exceeded = _disc_tangents(standard, z)
         self.rows += exceeded
+        self.hold_discs(z)
         return loose or bool(broken) or bool(exceeded)
+
+    def hold_discs(self, z: Floats) -> bool:
+        """Gives every disc that z exceeds its polygon; False where all of them have one."""
+        new = False
+        for k, elements in without_polygon(self.program.standard, z, self.polygons).items():
+            self.polygons[k], new = self.polygons[k] | elements, True
+        return new
+
+    def within(self, vectors: Vectors) -> Solution:
+        """The best point with polygons within the discs, of all discs that it would exceed."""
+        while True:
+            plan = self.solve(self.solver(vectors, "inner"), self.seconds)
+            if plan.z is None or not self.hold_discs(plan.z):
+                return plan
 
 
 def lp(program: CaseProgram, options: MethodOptions) -> MethodResult:
@@ -206,9 +239,10 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
     vectors = with_integers_held(program, z)
     for modes in (search.modes, broken):
         vectors = vectors.fixed(*idle_columns(standard, z, modes))
-    plan = search.solve(search.solver(vectors, "inner"), search.seconds)
+    search.hold_discs(z)
+    plan = search.within(vectors)
     if plan.z is None and exceeded and not broken:
-        plan = search.solve(search.solver(program.vectors, "inner"), search.seconds)
+        plan = search.within(program.vectors)
     if plan.z is None or broken_modes(standard, plan.z):
         plan = NOTHING
     if exceeded and search.gap_of(plan) > search.options.gap and search.seconds > 0.0:
@@ -227,7 +261,7 @@ def _any_plan(search: LinearSearch) -> Solution:
     """
     program, standard = search.program, search.program.standard
     with phase("linear program", "any plan"):
-        lowered = lower(standard, modes={}, discs="outer")
+        lowered = lower(standard, modes={}, discs="outer", polygons=search.polygons)
         chosen = any_point(program, lowered, search.deadline.final_s)
         if chosen.z is None:
             return NOTHING

@@ -8,6 +8,7 @@ comes of it is certified anew, and dropped where it holds less than the plan did
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,12 +20,16 @@ from resilience.models.backends.base import Solution, failures_of
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import broken_facts, worst_violation
+from resilience.models.methods.large import LONG_COLUMNS, first_polygons, without_polygon
 from resilience.models.program.referee import audit
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Disc, Discs, Mode
 from resilience.tolerances import RELAXATION_TOLERANCE
 
-POLYGONS: tuple[Discs, ...] = ("outer", "inner")  # in the order of trial
+TRIALS: tuple[Discs, ...] = ("outer", "inner")
+LONG_TRIALS: tuple[Discs, ...] = ("inner", "outer")
+"""Polygons in the order of trial: where one takes long, that first which seldom has to be dropped.
+"""
 
 
 def with_least_circulation(program: CaseProgram, solution: Solution, seconds: float) -> Solution:
@@ -38,8 +43,12 @@ def with_least_circulation(program: CaseProgram, solution: Solution, seconds: fl
     standard = program.standard
     if not standard.tiebreak.any() or seconds <= 0.0:
         return solution
-    for discs in POLYGONS:
-        z = _least_circulation(standard, program.vectors, solution.point, discs, seconds)
+    polygons = first_polygons(standard)
+    for discs in LONG_TRIALS if standard.n_columns >= LONG_COLUMNS else TRIALS:
+        z = _least_circulation(program, solution.point, discs, polygons, seconds)
+        while z is not None and (exceeded := without_polygon(standard, z, polygons)):
+            polygons = {k: elements | exceeded.get(k, False) for k, elements in polygons.items()}
+            z = _least_circulation(program, solution.point, discs, polygons, seconds)
         if z is not None and _holds_as_much(program, z, solution.point):
             return replace(solution, z=z)
     return solution
@@ -68,13 +77,14 @@ def _fixed_columns(standard: Standard, v: Vectors) -> Bools:
 
 @failures_of("HiGHS")
 def _least_circulation(
-    standard: Standard, vectors: Vectors, z: Floats, discs: Discs, seconds: float
+    program: CaseProgram, z: Floats, discs: Discs, polygons: Mapping[int, Bools], seconds: float
 ) -> Floats | None:
     """The columns (columns,) with the least sum of weight * |x|; None if there is no point.
 
     Behind the free columns x of the plan stands t >= |x| for every column with a weight.
     """
-    lowered = lower(standard, integer="none", modes={}, discs=discs)
+    standard, vectors = program.standard, program.vectors
+    lowered = lower(standard, integer="none", modes={}, discs=discs, polygons=polygons)
     v = lowered.vectors(vectors)
     fixed = _fixed_columns(standard, vectors)
     free = np.flatnonzero(~fixed)
