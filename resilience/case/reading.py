@@ -166,9 +166,10 @@ def _partial(model: type[T], raw: TomlTable, bad: set[str]) -> T:
 
 
 def _inner(field: FieldInfo, value: object) -> object:
-    """A sound value; a table within the table as such."""
+    """A sound value; tables within the table as such."""
     annotation: Any = field.annotation
-    return TypeAdapter(annotation).validate_python(value) if isinstance(value, dict) else value
+    holds_more = isinstance(value, dict | list)
+    return TypeAdapter(annotation).validate_python(value) if holds_more else value
 
 
 def read_list(

@@ -20,7 +20,7 @@ def check_failing(parts: Parts) -> None:
             parts.document.add_findings((kind, str(unit.name)), title, _wrong_surplus(unit))
     for tank, title in parts.tanks:
         findings = [*_wrong_name(parts, tank), *_wrong_times(parts, tank)]
-        if tank.can_fail and not tank.delivery:
+        if tank.can_fail and tank.delivery == ():
             hint = "what fails of a tank is that nothing comes; add [[tank.delivery]]"
             findings += [("delivery", "none", "some, for a tank that may be out", hint)]
         parts.document.add_findings(("tank", str(tank.name)), title, findings)

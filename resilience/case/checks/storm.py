@@ -119,7 +119,7 @@ def _columns(storm: StormTable) -> Floats:
 def _check_priority(parts: Parts, storm: StormTable) -> None:
     """Notes lines that crews should prefer and that are not there."""
     network = parts.network
-    if network is None or storm.repair is None:
+    if network is None or storm.repair is None or not parts.inline.complete:
         return
     for name in storm.repair.priority:
         if not network.has_line(name):
