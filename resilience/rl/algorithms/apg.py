@@ -41,7 +41,7 @@ class ApgSettings:
     """
 
     batch: int = 128
-    learning_rate: float = 2e-3
+    learning_rate: float = 6e-3
     hidden: tuple[int, ...] = (128, 128)
     carried_start: float = 0.7
     clip_norm: float = 1.0
