@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.models.simulator.decision import Decision
+    from resilience.operation.answer import OperatorAnswer
+    from resilience.operation.operator import Operator
     from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
@@ -77,6 +79,8 @@ __all__ = [
     "InfeasibleError",
     "Network",
     "Observation",
+    "Operator",
+    "OperatorAnswer",
     "Outage",
     "Plan",
     "Rationed",

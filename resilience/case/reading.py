@@ -24,6 +24,7 @@ _ALLOWED = {
     "less_than_equal": "{le:g} or less",
     "string_too_short": "a name that is not empty",
     "string_too_long": "{max_length} characters at most",
+    "too_long": "{max_length} values at most",
     "string_pattern_mismatch": "letters, digits and _",
     "float_type": "a number",
     "int_type": "a whole number",

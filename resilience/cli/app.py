@@ -18,6 +18,7 @@ import typer.core
 
 from resilience.cli import options, terminal
 from resilience.cli.case import case_app
+from resilience.cli.operate import operate, serve
 from resilience.cli.reproduce import reproduce
 from resilience.cli.storms import hazard, scenarios
 from resilience.cli.survive import survive
@@ -224,7 +225,7 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard, survive, train, export, env, reproduce):
+for _command in (scenarios, hazard, survive, operate, serve, train, export, env, reproduce):
     app.command()(_command)
 
 

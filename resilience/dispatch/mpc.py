@@ -9,6 +9,7 @@ from resilience.dispatch.end_value import fuel_value, stored_energy_value
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
 from resilience.dispatch.reserve import Reserve, reserve_price
+from resilience.dispatch.window_plan import WindowPlan
 from resilience.dispatch.window_program import (
     WindowProgram,
     WindowRequest,
@@ -69,6 +70,10 @@ class BlindMPC:
             decisions.append(self.program.decisions(request))
         return joined_action(decisions)
 
+    def latest_plan(self) -> WindowPlan | None:
+        """The plan behind its last decision."""
+        return self.program.latest_plan()
+
 
 class MPC:
     """Eight slots and ten hours ahead, with a terminal value and a reserve for the storm.
@@ -114,6 +119,10 @@ class MPC:
         for k in range(observation.energy.shape[1]):
             decisions.append(self.program.decisions(self._request(observation, k)))
         return joined_action(decisions)
+
+    def latest_plan(self) -> WindowPlan | None:
+        """The plan behind its last decision."""
+        return self.program.latest_plan()
 
     def _request(self, observation: Observation, k: int) -> WindowRequest:
         """What the program is asked in scenario k."""

@@ -17,6 +17,7 @@ from resilience.dispatch.end_value import fuel_value, stored_energy_value
 from resilience.dispatch.error_paths import ErrorPaths
 from resilience.dispatch.memory import Memory
 from resilience.dispatch.merged_grid import merged_grid
+from resilience.dispatch.window_plan import WindowPlan
 from resilience.dispatch.window_program import (
     RISK_NEUTRAL,
     WindowProgram,
@@ -80,6 +81,7 @@ class Stochastic:
         self.fuel_value = fuel_value(setting.case)
         self.errors = ErrorPaths(setting, paths, seed)
         self.programs: dict[int, WindowProgram] = {}
+        self._latest: WindowProgram | None = None
 
     def act(self, observation: Observation) -> Action:
         """The common first slot of every scenario's program: (units, batch) charging power, MW."""
@@ -100,8 +102,13 @@ class Stochastic:
                 devices=devices_of(observation, k),
                 before=before_of(observation, k),
             )
-            decisions.append(self._program(len(probability)).decisions(request))
+            self._latest = self._program(len(probability))
+            decisions.append(self._latest.decisions(request))
         return joined_action(decisions)
+
+    def latest_plan(self) -> WindowPlan | None:
+        """The plan behind its last decision."""
+        return None if self._latest is None else self._latest.latest_plan()
 
     def _usual_steps(self) -> WindowSteps:
         case = self.setting.case

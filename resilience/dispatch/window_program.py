@@ -21,6 +21,7 @@ from resilience.case.schema import LoadTable
 from resilience.dispatch.decision_columns import DecisionColumns
 from resilience.dispatch.merged_grid import MergedGrid, profiles_of
 from resilience.dispatch.reserve import Reserve
+from resilience.dispatch.window_plan import WindowPlan, window_plan
 from resilience.errors import UsageError
 from resilience.models.backends.branching import Branching
 from resilience.models.backends.highs import Highs
@@ -283,6 +284,7 @@ class WindowProgram:
         # Later steps stay relaxed: what a start is worth is all that they have to tell.
         self.search = Branching(self.solver, integers, gap=GAP, gap_abs=GAP)
         self._with_before = any(b.name == "generator.bound" for b in stages[0].datums)
+        self._latest: tuple[WindowRequest, dict[str, Floats], Floats] | None = None
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
 
@@ -372,4 +374,14 @@ class WindowProgram:
             self.solver.weigh(request.probability)
             self.solver.price(data, self._worth(request.end_values))
         z = self.search.solve(self.vectors(request, data)).point
+        self._latest = request, data, z
         return self._decided.decision(z, 0)
+
+    def latest_plan(self) -> WindowPlan | None:
+        """The plan behind the first slot that was decided last; None before."""
+        if self._latest is None:
+            return None
+        request, data, z = self._latest
+        spans = request.t + self.steps.starts, self.steps.width
+        grid = self.merged.microgrid
+        return window_plan(self.standard, grid, spans, request.probability, data, z)

@@ -91,6 +91,7 @@ class Slots:
         simulator: what steps it.
         line_up: (elements of the case, slots, scenarios) False where a line or unit is down.
         profile: (len(slots), scenarios) what a profile really is, by its name and slots.
+        length: slots of a stretch; by the number of scenarios if omitted.
     """
 
     def __init__(
@@ -99,11 +100,12 @@ class Slots:
         simulator: Stepper,
         line_up: Bools,
         profile: Callable[[str | None, Ints], Floats],
+        length: int | None = None,
     ) -> None:
         self.microgrid, self.simulator = microgrid, simulator
         self.line_up, self.profile = line_up, profile
         self.with_before = simulator.needs_outage_begins
-        self.length = max(NODES // max(line_up.shape[2], 1), 1)
+        self.length = length or max(NODES // max(line_up.shape[2], 1), 1)
         self.number, self.stretch = -1, list[Slot]()
 
     def __getitem__(self, t: int) -> Slot:

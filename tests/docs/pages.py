@@ -1,9 +1,10 @@
 """Runs what the pages of the documentation tell a reader to run.
 
-A page is a list of fenced blocks. A `toml` block with a title is a file to write, the lines of a
-`bash` block that begin with `resilience` are commands, a `python` block is a program that goes on
-where the last one stopped; a `text` block right behind a command or program is what it prints. A
-line `...` in it stands for lines left out. The files of the guide are at hand on every page.
+A page is a list of fenced blocks. A `toml` or `json` block with a title is a file to write, the
+lines of a `bash` block that begin with `resilience` are commands, a `python` block is a program
+that goes on where the last one stopped; a `text` block right behind a command or program is what it
+prints. A line `...` in it stands for lines left out. The files of the guide are at hand on every
+page.
 
     python tests/docs/pages.py docs/guide/first-feeder.md    pastes what is printed today
 """
@@ -99,7 +100,7 @@ def run(page: Path, folder: Path) -> list[Step]:
     if page != GUIDE and "storm.toml" in text:
         prepare(state)
     for block, after in zip(found, [*found[1:], None], strict=True):
-        if block.kind == "toml" and block.title:
+        if block.kind in ("toml", "json") and block.title:
             (folder / block.title).write_text(block.body, encoding="utf-8")
         if block.kind not in ("bash", "python"):
             continue
