@@ -24,6 +24,13 @@ from resilience.tolerances import AUDIT_TOLERANCE, BOUND_TOLERANCE
 Shape = tuple[int, ...]
 
 
+class _RowsBySize:
+    """Some rows of a matrix, and their absolute values."""
+
+    def __init__(self, a: sp.csr_array) -> None:
+        self.a, self.size = a, abs(a)
+
+
 @dataclass
 class StageAudit:
     """What was found of some slots so far.
@@ -59,6 +66,8 @@ class StageAudit:
         balance = np.zeros(self.form.n_rows, bool)
         balance[plant.balance_rows] = True
         self.rows: Ints = np.flatnonzero((touches == 0) & ~balance)
+        self._known_rows = _RowsBySize(self.matrix[self.rows])
+        self._balance_rows = _RowsBySize(self.matrix[plant.balance_rows])
         self.structures = [
             (structure, matrices)
             for structure, matrices in self.form.structures
@@ -150,9 +159,8 @@ class StageAudit:
         """Rows of which everything is known, as the dynamics of storage."""
         if not len(self.rows):
             return
-        violation = _row_violations(
-            self.matrix[self.rows], z, sides[self.rows], self.form.equality[self.rows]
-        )
+        equality = self.form.equality[self.rows]
+        violation = _row_violations(self._known_rows, z, sides[self.rows], equality)
         starts = self.form.row_start
         owner = np.searchsorted(starts, self.rows, side="right") - 1
         for r in np.unique(owner):
@@ -170,9 +178,9 @@ class StageAudit:
         shape: Shape,
     ) -> None:
         """What is fed into every island is taken there, but for what is spilled."""
-        rows = self.plant.balance_rows
-        bus = self.matrix[rows] @ z - sides[rows]
-        terms = np.abs(self.matrix[rows]) @ np.abs(z) + np.abs(sides[rows])
+        rows, sides = self._balance_rows, sides[self.plant.balance_rows]
+        bus = rows.a @ z - sides
+        terms = rows.size @ np.abs(z) + np.abs(sides)
         surplus, scale = _island_sums(bus, island), 1.0 + _island_sums(terms, island)
         left_over = np.maximum(surplus, 0.0)
         self.note("balance.p", (np.minimum(surplus, 0.0) / scale).reshape(shape), slots)
@@ -186,10 +194,10 @@ def _beyond(x: Floats, limit: Floats) -> Floats:
     return np.where(finite, (x - limit) / (1.0 + np.abs(np.where(finite, limit, 0.0))), 0.0)
 
 
-def _row_violations(a: sp.csr_array, z: Floats, sides: Floats, equality: Bools) -> Floats:
+def _row_violations(rows: _RowsBySize, z: Floats, sides: Floats, equality: Bools) -> Floats:
     """(rows, n) scaled violation of rows a z = sides, or <= where they are no equations."""
-    off = a @ z - sides
-    scale = 1.0 + np.maximum(abs(a) @ np.abs(z), np.abs(sides))
+    off = rows.a @ z - sides
+    scale = 1.0 + np.maximum(rows.size @ np.abs(z), np.abs(sides))
     return np.where(equality[:, None], np.abs(off), np.maximum(off, 0.0)) / scale
 
 
