@@ -18,6 +18,7 @@ PAGES = (
     "guide/first-feeder",
     "guide/storm-tomorrow",
     "guide/typhoon",
+    "guide/operate",
     "concepts/model",
     "concepts/exactness",
     "concepts/methods",
