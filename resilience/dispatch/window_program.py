@@ -28,6 +28,7 @@ from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.risk_averse import RiskAverse
 from resilience.models.case_program import line_up_before
+from resilience.models.components.generator import BOUND
 from resilience.models.language.tree import Tree
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Vectors
@@ -283,7 +284,7 @@ class WindowProgram:
         integers = now[standard.integer[now]]
         # Later steps stay relaxed: what a start is worth is all that they have to tell.
         self.search = Branching(self.solver, integers, gap=GAP, gap_abs=GAP)
-        self._with_before = any(b.name == "generator.bound" for b in stages[0].datums)
+        self._with_before = any(b.name == BOUND for b in stages[0].datums)
         self._latest: tuple[WindowRequest, dict[str, Floats], Floats] | None = None
         self._column_path = self._paths_of_columns()
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
@@ -323,6 +324,9 @@ class WindowProgram:
         if inside[-1] < 1.0:
             share = inside[self.step_of]
             data = {k: v * share if k in self._powers else v for k, v in data.items()}
+            if BOUND in data:
+                # A unit that has to stay on, or may fall only slowly, ends with the horizon.
+                data[BOUND] = data[BOUND] * (share >= 1.0)
         if request.reserve is not None:
             level, price = request.reserve
             data["reserve.level"] = level[:, self.step_of]

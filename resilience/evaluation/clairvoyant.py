@@ -26,6 +26,7 @@ from resilience.models.backends.base import Solution
 from resilience.models.backends.highs import LONG_HORIZON_OPTIONS, Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import terminal_cuts
+from resilience.models.components.generator import BOUND
 from resilience.models.language.tree import Tree
 from resilience.models.program.standard import Vectors
 from resilience.models.program.unroll import unroll
@@ -162,7 +163,7 @@ class HorizonProgram:
         cuts = terminal_cuts(microgrid, world.end_value_per_mwh)
         stage = microgrid.stage(microgrid.case.step_h, may_spill=True)
         self.standard = standard = unroll([stage], tree, cuts)
-        self.with_before = any(datum.name == "generator.bound" for datum in stage.datums)
+        self.with_before = any(datum.name == BOUND for datum in stage.datums)
         self.solver = Highs(lower(standard, integer="none", modes={}))
         self.solver.tune(LONG_HORIZON_OPTIONS)
         self.decided = DecisionColumns.of_program(standard, self.merged)

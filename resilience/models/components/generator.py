@@ -51,6 +51,9 @@ from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
+BOUND = "generator.bound"
+"""Datum: 1 where what a unit did before binds it, 0 where nothing does."""
+
 
 @dataclass(frozen=True)
 class Generators(DeviceFleet):
@@ -210,10 +213,10 @@ class Generators(DeviceFleet):
 
     def _bound(self, stage: Stage) -> Affine:
         """(units,) datum: 1 where what ran before binds, 0 where an outage takes that away."""
-        if "generator.bound" in stage:
-            return stage["generator.bound"]
+        if BOUND in stage:
+            return stage[BOUND]
         about = "whether limits on stopping hold"
-        return stage.data("generator.bound", self.names, unit="1", about=about)
+        return stage.data(BOUND, self.names, unit="1", about=about)
 
     def _dark(self, stage: Stage, units: Ints) -> Affine:
         """(units,) 1 where the island of a unit that cannot form one is not energised."""
@@ -287,7 +290,7 @@ class Generators(DeviceFleet):
             "generator.q_min": q_min[:, None] * alive,
             "generator.q_max": q_max[:, None] * alive,
             "generator.alive": alive[self.committed],
-            "generator.bound": alive * ~situation.outage_begins[self.bus],
+            BOUND: alive * ~situation.outage_begins[self.bus],
         }
 
     def start(self) -> dict[str, Floats]:

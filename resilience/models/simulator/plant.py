@@ -19,6 +19,7 @@ import scipy.sparse as sp
 
 from resilience.arrays import Floats, Ints
 from resilience.models.algebra import Labels
+from resilience.models.components.generator import BOUND
 from resilience.models.language.stage import Stage
 from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
@@ -223,7 +224,7 @@ class Plant:
     @property
     def needs_outage_begins(self) -> bool:
         """Whether data of a slot depend on which lines were up the slot before."""
-        return any(datum.name == "generator.bound" for datum in self.form.stage.datums)
+        return any(datum.name == BOUND for datum in self.form.stage.datums)
 
     @property
     def has_deliveries(self) -> bool:

@@ -314,3 +314,24 @@ def test_outages_without_a_grid_are_survived_with_commitment() -> None:
     )  # fmt: skip
     survival = rs.survive(case, [2, 6], method="idle").frame()
     assert (survival["all_served"] == 1.0).all(), survival
+
+
+@pytest.mark.parametrize("method", ["rule", "mpc", "mpc-blind", "stochastic"])
+@pytest.mark.parametrize("slow", [{"min_up_h": 3.0}, {"ramp_down_mw_per_h": 0.1}])
+def test_a_unit_that_may_not_stop_at_once_ends_with_the_horizon(
+    method: str, slow: dict[str, float]
+) -> None:
+    """It is wanted in the last two hours alone, for less time than it would have to stay on."""
+    unit = {"p_min_mw": 0.4, "p_max_mw": 0.9, "cost_per_mwh": 0.2, "start_cost": 0.3, **slow}
+    case = small_case(
+        slots=12,
+        profiles={"late": [0.0] * 10 + [1.0] * 2},
+        load=[{"p_max_mw": 0.8, "profile": "late", "shed_cost_per_mwh": 9.0}],
+        ess=[{"p_max_mw": 0.1, "e_mwh": 0.2, "soc_initial": 0.0}],
+        generator=[unit],
+    )
+    none = Scenarios((), np.zeros((0, 12, 1), bool), np.ones(1))
+    world = World.build(microgrid_with_fallible_lines(case, none, "copperplate"), none)
+    run = simulate(world, factory_of(method)(world.setting))
+    assert run.flow("load.shed").sum() == pytest.approx(0.0, abs=1e-6)
+    assert run.objective(0.0)[0] == pytest.approx(2 * 0.8 * 0.2 + 0.3)
