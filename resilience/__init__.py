@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from resilience.models.simulator.decision import Decision
     from resilience.operation.answer import OperatorAnswer
     from resilience.operation.operator import Operator
+    from resilience.pages.write import write_page
     from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
@@ -120,6 +121,7 @@ __all__ = [
     "survive",
     "train",
     "water_values",
+    "write_page",
 ]
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 import typer.core
 
-from resilience.cli import options, terminal
+from resilience.cli import options, pages, terminal
 from resilience.cli.case import case_app
 from resilience.cli.operate import operate, serve
 from resilience.cli.reproduce import reproduce
@@ -70,6 +70,7 @@ def solve(
     gap: options.Gap = None,
     out: options.Folder = None,
     plot: options.Picture = None,
+    html: options.Page = None,
     export: options.Export = None,
     schedule: options.Schedule = False,
     as_json: options.AsJson = False,
@@ -83,6 +84,7 @@ def solve(
 
     if plot is not None:
         check_picture(plot)
+    pages.check(html)
     if export is not None:
         check_export(export, method)
     if out is not None:
@@ -105,6 +107,7 @@ def solve(
     terminal.write(
         terminal.Output("tables", out, plan.save),
         terminal.Output("picture", plot, partial(_draw, plan)),
+        terminal.Output("page", html, partial(pages.write, plan)),
         terminal.Output("model", export, partial(export_model, plan)),
         quiet=as_json,
     )

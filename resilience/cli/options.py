@@ -68,6 +68,10 @@ Folder = Annotated[
     Path | None, Option(help="Folder for tables, summary.json and the case as solved.")
 ]
 Picture = Annotated[Path | None, Option(help="Picture of the plan: a .png, .pdf or .svg file.")]
+Page = Annotated[
+    Path | None,
+    Option("--html", help="One page to send, with everything in it: a .html file.", metavar="FILE"),
+]
 Export = Annotated[Path | None, Option(help="Also write the model: a .lp, .mps or .nl file.")]
 
 Methods = Annotated[

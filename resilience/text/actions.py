@@ -37,17 +37,26 @@ Column = tuple[str, list[str]]
 def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> RenderableType:
     """Instructions in time, those of one time and verb on one line."""
     title = Text.assemble((head, "bold"), (": mean MW, and MWh stored at the end", "dim"))
-    lines: dict[tuple[int, int, str], list[str]] = {}
-    for item in to_do:
-        lines.setdefault((item.first, item.stop, item.verb), []).append(_what(item))
+    lines = action_rows(case, to_do)
     rows = Table.grid(padding=(0, 0, 0, 2))
-    for (first, stop, verb), units in list(lines.items())[:MAX_LINES]:
-        rows.add_row(when(case, first, stop), f"{verb} {', '.join(units)}")
+    for time, words in lines[:MAX_LINES]:
+        rows.add_row(time, words)
     if not lines:
         rows.add_row("nothing: no unit is asked to do anything")
     if len(lines) > MAX_LINES:
         rows.add_row("...", f"and {len(lines) - MAX_LINES} more; plan.actions() has all of them")
     return Group(title, rows)
+
+
+def action_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
+    """When and what, a row for the instructions of one time and verb."""
+    lines: dict[tuple[int, int, str], list[str]] = {}
+    for item in to_do:
+        lines.setdefault((item.first, item.stop, item.verb), []).append(_what(item))
+    return [
+        (when(case, first, stop), f"{verb} {', '.join(units)}")
+        for (first, stop, verb), units in lines.items()
+    ]
 
 
 def when(case: Case, first: int, stop: int) -> str:
@@ -83,16 +92,24 @@ def _number(value: float, largest: float) -> str:
 
 def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
     """What storage and generators do when certain lines fail first, the likeliest first."""
+    heads, rows = failure_cells(case, failures)
+    more = len(failures) - len(heads)
+    title = "If an outage shows: mean MW of the first two hours, fed in is positive"
+    title += f" ({more} less likely sets of lines left out)" if more > 0 else ""
+    return grid(title, rows, "first down", *heads)
+
+
+def failure_cells(
+    case: Case, failures: Sequence[FirstFailure]
+) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Heads of the likeliest failures, and a row per unit with its mean power in each, MW."""
     shown = failures[:MAX_FAILURES]
     units = dict.fromkeys(response.unit for failure in shown for response in failure.responses)
     rows = []
     for unit in units:
         means = [_mean(failure, unit) for failure in shown]
         rows.append((unit, *(f"{mean:+.3f}" if abs(mean) >= 5e-4 else "." for mean in means)))
-    more = len(failures) - len(shown)
-    title = "If an outage shows: mean MW of the first two hours, fed in is positive"
-    title += f" ({more} less likely sets of lines left out)" if more > 0 else ""
-    return grid(title, rows, "first down", *(_head(case, failure) for failure in shown))
+    return [_head(case, failure) for failure in shown], rows
 
 
 def _mean(failure: FirstFailure, unit: str) -> float:

@@ -38,7 +38,7 @@ def print_scenario_plan(
     for section in (
         *_actions(plan, console.width, with_schedule),
         _schedule(plan),
-        _over_scenarios(plan),
+        grid("Over scenarios", over_scenarios(plan), "", ""),
         proof,
     ):
         console.print()
@@ -70,11 +70,11 @@ def _verdict(plan: ScenarioPlan) -> Text:
         text.append(f", {plan.different} of them different")
     text.append(f"\nproven bound {plan.bound:.4f} $ ({plan.bound_of}), gap {percent(plan.gap)}")
     if plan.unreduced is not None:
-        text.append("\n" + _over_all(plan.unreduced), "bold")
+        text.append("\n" + over_all(plan.unreduced), "bold")
     return text
 
 
-def _over_all(over_all: Unreduced) -> str:
+def over_all(over_all: Unreduced) -> str:
     """What the plan costs over the scenarios that were reduced, in words."""
     return (
         f"over all {over_all.scenarios} this plan costs {over_all.expected_cost:.2f} ± "
@@ -120,7 +120,8 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
     return grid(title, rows, *heads)
 
 
-def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
+def over_scenarios(plan: ScenarioPlan) -> list[tuple[str, str]]:
+    """What the plan costs, sheds and leaves over its scenarios, in words and figures."""
     energy = plan.episodes["end_energy_mwh"]
     p = plan.episodes["probability"]
     rows = [
@@ -135,7 +136,7 @@ def _over_scenarios(plan: ScenarioPlan) -> RenderableType:
     if plan.value_of_stochastic_solution is not None:
         more = _worth(plan, plan.value_of_stochastic_solution)
         rows.append(("value of the stochastic solution", more))
-    return grid("Over scenarios", rows, "", "")
+    return rows
 
 
 def _chance(plan: ScenarioPlan) -> str:
