@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
+    from resilience.plots.feeder.picture import plot_map
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.learning import plot_learning
     from resilience.plots.plan import plot_plan
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from resilience.plots.storm import plot_storm
     from resilience.plots.survival import plot_survival
     from resilience.plots.water import plot_water_values
+    from resilience.revisions.runs import RunDiff, diff
     from resilience.rl.training.train import train
     from resilience.simulation.forecast import ForecastError, sample_profiles
     from resilience.simulation.observation import Dispatcher, Observation, Rationed
@@ -87,6 +89,7 @@ __all__ = [
     "Rationed",
     "Report",
     "ResilienceError",
+    "RunDiff",
     "ScenarioPlan",
     "Scenarios",
     "Setting",
@@ -100,6 +103,7 @@ __all__ = [
     "ac_check_trajectory",
     "case_names",
     "compare",
+    "diff",
     "evaluate",
     "hazard",
     "load_case",
@@ -109,6 +113,7 @@ __all__ = [
     "parse_outages",
     "plot_hazard",
     "plot_learning",
+    "plot_map",
     "plot_plan",
     "plot_report",
     "plot_scenario_plan",

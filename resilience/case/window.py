@@ -73,6 +73,11 @@ class Window:
         """`14:30` for slot `t`, or `d2 14:30` where the horizon is longer than a day."""
         return self.text(self.time(t))
 
+    def end_label(self, stop: int) -> str:
+        """When the slot before `stop` ends: `24:00` at the midnight of an only day."""
+        text = self.text(self.time(stop))
+        return "24:00" if text.endswith("00:00") and not self.longer_than_a_day else text
+
     def text(self, when: datetime) -> str:
         """A time as the labels of this horizon write it."""
         clock = f"{when:%H:%M:%S}" if when.second else f"{when:%H:%M}"

@@ -155,6 +155,7 @@ def compare(
     engine: options.EngineName = "local",
     out: options.ReportFolder = None,
     plot: options.ReportPicture = None,
+    html: options.Page = None,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -164,6 +165,7 @@ def compare(
 
     if plot is not None:
         check_picture(plot)
+    pages.check(html)
     names = [name.strip() for name in methods.split(",") if name.strip()]
     with terminal.progress(verbose):
         report = rs.compare(
@@ -191,6 +193,7 @@ def compare(
     terminal.write(
         terminal.Output("report", out, report.save),
         terminal.Output("picture", plot, partial(rs.plot_report, report)),
+        terminal.Output("page", html, partial(pages.write, report)),
         quiet=as_json,
     )
 
@@ -228,7 +231,19 @@ def plot(
         typer.echo(f"one storm: {hint}", err=True)
 
 
-for _command in (scenarios, hazard, survive, operate, serve, train, export, env, reproduce):
+for _command in (
+    pages.report,
+    pages.diff,
+    scenarios,
+    hazard,
+    survive,
+    operate,
+    serve,
+    train,
+    export,
+    env,
+    reproduce,
+):
     app.command()(_command)
 
 

@@ -67,7 +67,12 @@ Gap = Annotated[
 Folder = Annotated[
     Path | None, Option(help="Folder for tables, summary.json and the case as solved.")
 ]
-Picture = Annotated[Path | None, Option(help="Picture of the plan: a .png, .pdf or .svg file.")]
+Picture = Annotated[
+    Path | None,
+    Option(
+        help="Picture of the plan: a .png, .pdf or .svg file; called map, it is one of the feeder."
+    ),
+]
 Page = Annotated[
     Path | None,
     Option("--html", help="One page to send, with everything in it: a .html file.", metavar="FILE"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from resilience.cli import bell_options, options, terminal
+from resilience.cli import bell_options, options, pages, terminal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -130,6 +130,7 @@ def hazard(
     seed: Annotated[int, typer.Option(help="Of these storms.", min=0)] = 0,
     out: options.HazardFolder = None,
     plot: options.HazardPicture = None,
+    html: options.Page = None,
     as_json: options.AsJson = False,
 ) -> None:
     """From a typhoon's track to the lines that fail: probabilities, islands, a map."""
@@ -139,6 +140,7 @@ def hazard(
 
     if plot is not None:
         check_picture(plot)
+    pages.check(html)
     if out is not None:
         check_replaceable(out, HAZARD)
     result = rs.hazard(
@@ -148,6 +150,7 @@ def hazard(
     terminal.write(
         terminal.Output("tables", out, result.save),
         terminal.Output("picture", plot, partial(rs.plot_hazard, result)),
+        terminal.Output("page", html, partial(pages.write, result)),
         quiet=as_json,
     )
 

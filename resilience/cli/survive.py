@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from resilience.cli import options, terminal
+from resilience.cli import options, pages, terminal
 from resilience.dispatch.registry import REFERENCE
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def survive(
     ] = 1.0,
     seed: Annotated[int, typer.Option(help="Of the failures of units.", min=0)] = 0,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .pdf or .svg.")] = None,
+    html: options.Page = None,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -40,11 +41,14 @@ def survive(
 
     if plot is not None:
         check_picture(plot)
+    pages.check(html)
     with terminal.progress(verbose):
         survival = rs.survive(case, _hours(durations), method=method, every_h=every_h, seed=seed)
     terminal.show(partial(_print, survival, as_json))
     terminal.write(
-        terminal.Output("picture", plot, partial(rs.plot_survival, survival)), quiet=as_json
+        terminal.Output("picture", plot, partial(rs.plot_survival, survival)),
+        terminal.Output("page", html, partial(pages.write, survival)),
+        quiet=as_json,
     )
 
 

@@ -87,10 +87,13 @@ class Hazard:
         rows = []
         for k, name in enumerate(here.lines.names):
             begins = np.diff(here.failed_by[k], prepend=0.0)
+            line = case.network.line(name)
             rows.append(
                 {
                     "line": name,
-                    "length_km": float(here.geography.length_km[case.network.line(name)]),
+                    "from_bus": case.network.bus_names[case.network.from_bus[line]],
+                    "to_bus": case.network.bus_names[case.network.to_bus[line]],
+                    "length_km": float(here.geography.length_km[line]),
                     "spans": int(spans[k]),
                     "strongest_wind_mps": float(wind[k].max(initial=0.0)),
                     "failure_probability": float(failed[k]),
@@ -128,6 +131,8 @@ class Hazard:
         """Everything as plain data, slots from the start of the horizon."""
         here, case, closest = self.storm, self.storm.case, self.closest
         wind = here.winds[0]
+        east_km, north_km = here.geography.bus_km
+        down = self.scenarios.down.sum(axis=0) @ self.scenarios.probability
         return {
             "case": case.name,
             "geography": here.geography.about,
@@ -148,6 +153,8 @@ class Hazard:
             "lines": self.lines,
             "hazard": dict(zip(here.lines.names, here.hazard.tolist(), strict=True)),
             "failed_by": dict(zip(here.lines.names, here.failed_by.tolist(), strict=True)),
+            "wind_mps": dict(zip(here.lines.names, here.strongest_mps.tolist(), strict=True)),
+            "lines_down": down.tolist(),
             "scenarios": self.scenarios.n,
             "seed": self.scenarios.seed,
             "process": self.scenarios.process,
@@ -155,10 +162,13 @@ class Hazard:
             "islands": [asdict(island) for island in self.likely.islands],
             "islandings": [asdict(islanding) for islanding in self.likely.islandings],
             "buses": {
-                name: {"apart": apart, "dark": dark, "dark_hours": hours}
-                for name, apart, dark, hours in zip(
+                name: {
+                    "apart": apart, "dark": dark, "dark_hours": hours, "east_km": x, "north_km": y
+                }
+                for name, apart, dark, hours, x, y in zip(
                     case.network.bus_names, self.likely.apart.tolist(), self.likely.dark.tolist(),
-                    (case.step_h * self.likely.dark_by_slot.sum(axis=1)).tolist(), strict=True,
+                    (case.step_h * self.likely.dark_by_slot.sum(axis=1)).tolist(),
+                    east_km.tolist(), north_km.tolist(), strict=True,
                 )
             },
         }  # fmt: skip

@@ -99,15 +99,9 @@ def times(window: Window, slots: int, down: Bools | None = None) -> dict[str, An
         "start": window.start.isoformat(),
         "step_min": window.step_min,
         "slots": slots,
-        "labels": [*(window.label(t) for t in range(window.slots)), end_label(window)],
+        "labels": [*(window.label(t) for t in range(window.slots)), window.end_label(window.slots)],
         "shade": [] if down is None else spans(np.asarray(down.any(axis=0))),
     }
-
-
-def end_label(window: Window) -> str:
-    """When the horizon ends: `24:00` at the midnight of its only day."""
-    text = window.text(window.stop)
-    return "24:00" if text.endswith("00:00") and not window.longer_than_a_day else text
 
 
 def spans(mask: Bools) -> list[tuple[int, int]]:

@@ -79,11 +79,23 @@ def draw_run(
     return target, ""
 
 
+MAP_STEM = "map"
+"""Name of a picture, without its suffix, that is to be the map of the feeder."""
+
+
 def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
-    """Draws a plan of either kind. Raises `UsageError` for a suffix that is no picture format."""
+    """Draws a plan of either kind, or its map where the picture is called `map`.
+
+    Raises:
+        UsageError: a suffix that is no picture format.
+    """
     from resilience.planning.plan import Plan
 
-    if isinstance(plan, Plan):
+    if path.stem == MAP_STEM:
+        from resilience.plots.feeder.picture import plot_map
+
+        plot_map(plan, path)
+    elif isinstance(plan, Plan):
         plot_plan(plan, path)
     else:
         plot_scenario_plan(plan, path)

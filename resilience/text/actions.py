@@ -64,9 +64,7 @@ def when(case: Case, first: int, stop: int) -> str:
     window = case.window
     if stop <= first:
         return window.label(first)
-    end = window.text(window.time(stop))
-    is_midnight = end.endswith("00:00") and not window.longer_than_a_day
-    return f"{window.label(first)}-{'24:00' if is_midnight else end}"
+    return f"{window.label(first)}-{window.end_label(stop)}"
 
 
 def _what(item: Instruction) -> str:

@@ -132,7 +132,7 @@ def print_report(report: Report, console: Console) -> None:
     for sentence in yardsticks(report):
         console.print(sentence, highlight=False)
     console.print()
-    frame = _ordered(report)
+    frame = ordered(report.frame())
     shown = chosen(frame, console.width)
     console.print(_table(frame, shown))
     console.print()
@@ -142,9 +142,9 @@ def print_report(report: Report, console: Console) -> None:
     console.print(_legend(frame, shown), style="dim", highlight=False)
 
 
-def _ordered(report: Report) -> pd.DataFrame:
-    """The frame with the bound first."""
-    frame = report.frame().sort_values("cost_per_day", kind="stable")
+def ordered(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame of a report with the bound first, and nothing of the reference above itself."""
+    frame = frame.sort_values("cost_per_day", kind="stable")
     names = [name for name in frame.index if name != BOUND]
     frame = frame.loc[[*(name for name in frame.index if name == BOUND), *names]]
     # What the reference costs above itself needs no number.
@@ -158,7 +158,7 @@ def chosen(frame: pd.DataFrame, width: int) -> list[Column]:
     """The columns that the frame has and that fit into `width` letters, first ranks first."""
     room = width - max(map(len, ["method", *map(str, frame.index)]))
     fitting = []
-    for column in sorted(_filled(frame), key=lambda c: c.rank):
+    for column in sorted(filled(frame), key=lambda c: c.rank):
         needed = _width(column, column.texts(frame)) + COLUMN_GAP
         if needed <= room:
             room -= needed
@@ -166,7 +166,7 @@ def chosen(frame: pd.DataFrame, width: int) -> list[Column]:
     return [column for column in COLUMNS if column in fitting]
 
 
-def _filled(frame: pd.DataFrame) -> list[Column]:
+def filled(frame: pd.DataFrame) -> list[Column]:
     """The columns that the frame has and that say anything of any method."""
     there = [column for column in COLUMNS if set(column.keys) <= set(frame.columns)]
     return [column for column in there if any(column.texts(frame))]
@@ -201,7 +201,7 @@ def _legend(frame: pd.DataFrame, shown: list[Column]) -> str:
         parts.append(f"{COMB}: the optimum of whoever knows all but the end of the blackout")
     parts += [f"{column.head}: {column.about}" for column in shown if column.about]
     text = "; ".join(parts) + "."
-    hidden = len(_filled(frame)) - len(shown)
+    hidden = len(filled(frame)) - len(shown)
     if hidden:
         text += f" A wider terminal shows {hidden} more columns; --json and --out have them all."
     return text

@@ -9,7 +9,9 @@ import pytest
 import resilience as rs
 from tests.browser.pages import Browser
 from tests.unit.pages.results import SCRIPT, marked_case, two_islands
+from tests.unit.plots.stormy import chain, cut
 
+PAGES = ["plan", "feeder", "scenarios", "comparison", "hazard", "survival"]
 VIEWS = [(1280, False), (390, False), (1280, True), (390, True)]
 MOVE = """
 const slider = document.getElementById("slider");
@@ -26,16 +28,20 @@ return [document.getElementById("moment").textContent, cells, panel.textContent]
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A page of every kind by its name."""
     folder = tmp_path_factory.mktemp("pages")
+    case = chain()
     results = {
         "plan": two_islands(),
         "feeder": rs.solve("ieee33", "lp"),
         "scenarios": rs.solve("ieee33", "stochastic", scenarios=20),
+        "comparison": rs.compare(case, ["idle", "rule"], days=1, scenarios=cut(case)),
+        "hazard": rs.hazard("ieee33_rammasun", n=40),
+        "survival": rs.survive(chain(), [6, 12]),
     }
     return {name: rs.write_page(r, folder / f"{name}.html") for name, r in results.items()}
 
 
 @pytest.mark.parametrize(("width", "dark"), VIEWS)
-@pytest.mark.parametrize("name", ["plan", "feeder", "scenarios"])
+@pytest.mark.parametrize("name", PAGES)
 def test_pages_open_without_complaint_and_nothing_sticks_out(
     browser: Browser, pages: dict[str, Path], name: str, width: int, dark: bool
 ) -> None:

@@ -1,0 +1,1 @@
+"""Two results held against each other: what changed in the case, and what that changed."""
