@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from resilience.pages.document import number, render
 from resilience.revisions.runs import FigureChange, RunDiff
 from resilience.text.revision import figure_rows
@@ -16,10 +18,16 @@ def diff_page(difference: RunDiff) -> str:
         title=f"{difference.before} against {difference.after}",
         difference=difference,
         verdict=_verdict(difference),
-        figures=figure_rows(figure for figure in difference.figures if figure.differs),
+        figures=[
+            (f"{name}, {unit}", *cells) for name, unit, *cells in _changed(difference.figures)
+        ],
         same=[figure.name for figure in difference.figures if not figure.differs],
-        shed=figure_rows(figure for figure in difference.shed_by_load if figure.differs),
+        shed=[(name, *cells) for name, _, *cells in _changed(difference.shed_by_load)],
     )
+
+
+def _changed(figures: Iterable[FigureChange]) -> list[tuple[str, ...]]:
+    return figure_rows(figure for figure in figures if figure.differs)
 
 
 def _verdict(difference: RunDiff) -> list[str]:

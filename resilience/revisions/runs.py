@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from resilience.errors import UsageError
 from resilience.evaluation.comparison import is_comparison, load_comparison
 from resilience.files import reading
 from resilience.planning.plan import Plan, load_plan
+from resilience.planning.reading.instructions import Instruction
 from resilience.planning.records import CertifiedPlan
 from resilience.planning.scenario_plan import (
     ScenarioPlan,
@@ -22,8 +24,10 @@ from resilience.planning.scenario_plan import (
 from resilience.results import COMPARISON, PLAN, SCENARIO_PLAN, SUMMARY_FILE
 from resilience.revisions.cases import KeyChange, case_changes
 
-SAME = 1e-9
-"""Relative difference up to which figures are the same."""
+SAME, UNSEEN = 1e-6, 5e-5
+"""Difference up to which figures are the same: a share of them, or less than is printed."""
+SAME_MW, SAME_POWER = 1e-4, 0.01
+"""The same of powers that somebody is asked for: MW, or a share of the greater."""
 METHOD_FIGURES = {
     "cost_per_day": ("cost", "$/day"),
     "shed_mwh_per_day": ("shed", "MWh/day"),
@@ -61,8 +65,8 @@ class FigureChange:
         """Whether it is another figure, beyond rounding."""
         if self.before is None or self.after is None:
             return self.before != self.after
-        size = max(abs(self.before), abs(self.after), 1e-3)
-        return abs(self.after - self.before) > SAME * size
+        size = max(abs(self.before), abs(self.after))
+        return abs(self.after - self.before) > max(SAME * size, UNSEEN)
 
 
 @dataclass(frozen=True)
@@ -223,27 +227,47 @@ def _joined(old: Figures, new: Figures, missing: float | None = None) -> tuple[F
 
 def _actions(old: _Run, new: _Run) -> tuple[ActionChange, ...]:
     """By verb and unit, in the order of the second plan."""
-    before, after = _spans(old), _spans(new)
+    before, after = _instructions(old), _instructions(new)
     keys = dict.fromkeys([*after, *before])
+    pairs = {key: (before.get(key, []), after.get(key, [])) for key in keys}
     return tuple(
-        ActionChange(do, unit, before.get((do, unit), ()), after.get((do, unit), ()))
-        for do, unit in keys
-        if before.get((do, unit)) != after.get((do, unit))
+        ActionChange(do, unit, _texts(old.case, earlier), _texts(new.case, later))
+        for (do, unit), (earlier, later) in pairs.items()
+        if not _alike(earlier, later)
     )
 
 
-def _spans(run: _Run) -> dict[tuple[str, str], tuple[str, ...]]:
-    """From when to when, and at how many MW, every unit does something."""
-    spans: dict[tuple[str, str], tuple[str, ...]] = {}
-    if run.plan is None:
-        return spans
-    for item in run.plan.instructions():
-        window = run.case.window
-        text = window.label(item.first)
-        if item.stop > item.first:
-            text += f"–{window.end_label(item.stop)}"
-        if item.high_mw == item.high_mw:  # NaN of switches
-            low, high = (f"{mw:.3g}" for mw in (item.low_mw, item.high_mw))
-            text += f" {low if low == high else f'{low} to {high}'} MW"
-        spans[item.verb, item.unit] = (*spans.get((item.verb, item.unit), ()), text)
-    return spans
+def _instructions(run: _Run) -> dict[tuple[str, str], list[Instruction]]:
+    """What every unit is asked to do, by verb and unit."""
+    grouped: dict[tuple[str, str], list[Instruction]] = {}
+    for item in run.plan.instructions() if run.plan is not None else ():
+        grouped.setdefault((item.verb, item.unit), []).append(item)
+    return grouped
+
+
+def _alike(earlier: list[Instruction], later: list[Instruction]) -> bool:
+    """Whether both ask for the same times, and for powers that nobody could tell apart."""
+    if [(a.first, a.stop) for a in earlier] != [(b.first, b.stop) for b in later]:
+        return False
+    powers = [
+        (p, q)
+        for a, b in zip(earlier, later, strict=True)
+        for p, q in ((a.low_mw, b.low_mw), (a.high_mw, b.high_mw))
+        if not math.isnan(p)  # of switches
+    ]
+    return all(math.isclose(p, q, rel_tol=SAME_POWER, abs_tol=SAME_MW) for p, q in powers)
+
+
+def _texts(case: Case, items: list[Instruction]) -> tuple[str, ...]:
+    """From when to when, and at how many MW."""
+    return tuple(_text(case, item) for item in items)
+
+
+def _text(case: Case, item: Instruction) -> str:
+    text = case.window.label(item.first)
+    if item.stop > item.first:
+        text += f"–{case.window.end_label(item.stop)}"
+    if math.isnan(item.high_mw):
+        return text
+    low, high = (f"{mw:.3g}" for mw in (item.low_mw, item.high_mw))
+    return f"{text} {low if low == high else f'{low} to {high}'} MW"

@@ -33,7 +33,7 @@ def modules_of(*arguments: str) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("folder", ["dispatch.sddp", "plots", "evaluation"])
+@pytest.mark.parametrize("folder", ["dispatch.sddp", "plots", "evaluation", "pages", "revisions"])
 def test_a_plan_without_a_picture_needs_no_policy_picture_or_judge(
     folder: str, lp_modules: list[str]
 ) -> None:
