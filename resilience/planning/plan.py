@@ -10,10 +10,11 @@ A saved plan is a folder that appears whole or not at all:
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from resilience.errors import UsageError
 from resilience.files import reading
@@ -28,13 +29,14 @@ from resilience.planning.records import (
     read_tables,
     write_plan,
 )
-from resilience.planning.tables import balance, table_units
+from resilience.planning.tables import PRICE_UNITS, SlotTable, balance, table_units
 from resilience.results import PLAN, SUMMARY_FILE, replacing, steady
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from resilience.case import Case
+    from resilience.models.microgrid import Physics
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +49,7 @@ class Plan(CertifiedPlan):
         energy_mwh: the energy balance, MWh.
         shed_mwh: energy not served, MWh.
         shed_by_load: MWh per load, and why it could not be served: {load: {reason: MWh}}.
+        shed_causes: the same reasons by name and number: {load: {reason: sentence}}.
         outages: the outages assumed, which the plan knows in advance.
     """
 
@@ -70,6 +73,7 @@ class Plan(CertifiedPlan):
         "energy_mwh",
         "shed_mwh",
         "shed_by_load",
+        "shed_causes",
         "outages",
         "start",
         "step_min",
@@ -80,6 +84,7 @@ class Plan(CertifiedPlan):
     energy_mwh: dict[str, float]
     shed_mwh: float
     shed_by_load: dict[str, dict[str, float]]
+    shed_causes: dict[str, dict[str, str]]
     outages: list[str]
 
     def check_objective(self, scale: float) -> None:
@@ -123,15 +128,49 @@ class Plan(CertifiedPlan):
     def frame(self, name: str) -> pd.DataFrame:
         """One table as a DataFrame indexed by time; see `table_units` for names and units.
 
+        `bus_price`, `storage_value` and `fuel_value` are made when they are first asked for, see
+        `with_prices`.
+
         Raises:
             UsageError: the plan has no such table.
+            SolverError: there are no prices, as no optimum was found in time.
         """
+        if name in PRICE_UNITS and name not in self.tables:
+            prices = self._prices
+            if name in prices:
+                return self.horizon.frame(prices[name])
         if name not in self.tables:
             raise UsageError(
                 f"the plan has no table {name!r}; it has {', '.join(self.tables)}",
                 hint="voltages and reactive power need lindistflow or distflow",
             )
         return self.horizon.frame(self.tables[name])
+
+    def with_prices(self) -> Plan:
+        """The plan with tables of prices, which are marginal costs with its integers held.
+
+        `bus_price` is what a little more demand at a bus costs, $/MWh, where it cannot be shed;
+        NaN in dead islands. `storage_value` is what a MWh more saves that a storage holds at the
+        end of a slot, and `fuel_value` the same of a m³ in a tank. In distflow they are of the AC
+        equations. Where a plan stands at a corner of its program, cost is less for a little less
+        than it is for a little more; a price is then any number between the two.
+
+        Raises:
+            UsageError: the plan was kept without its case.
+            SolverError: no optimum was found in time.
+        """
+        return replace(self, tables={**self.tables, **self._prices})
+
+    @cached_property
+    def _prices(self) -> dict[str, SlotTable]:
+        from resilience.planning.prices import price_tables
+
+        if self.case is None:
+            raise UsageError(
+                "the plan was kept without its case, so there are no prices",
+                hint="load a folder that holds case.toml",
+            )
+        return price_tables(self.case, cast("Physics", self.physics), self.tables["variables"])
 
     def save(self, folder: str | Path) -> Path:
         """Writes the plan; an earlier plan in the folder is replaced, anything else is refused.
@@ -166,9 +205,10 @@ def _load_plan(root: Path) -> Plan:
         )
     with reading(root / SUMMARY_FILE, "summary of a plan"):
         summary = dict(json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8")))
-    # Earlier versions said neither.
+    # Earlier versions said none of these.
     stated = summary.pop("kind", PLAN.name)
     summary.setdefault("not_modelled", [])
+    summary.setdefault("shed_causes", {})
     if stated != PLAN.name or summary.keys() != set(Plan.summary_keys):
         raise UsageError(
             f"{root} holds another kind of result than a plan",
@@ -190,6 +230,7 @@ KINDS: dict[str, Any] = {
     "energy_mwh": dict[str, float],
     "shed_mwh": float,
     "shed_by_load": dict[str, dict[str, float]],
+    "shed_causes": dict[str, dict[str, str]],
     "outages": list[str],
 }
 """What stands in `summary.json` beside what every plan has."""
@@ -217,5 +258,6 @@ def _read_plan(root: Path, summary: dict[str, Any], case: Case | None) -> Plan:
         energy_mwh=summary["energy_mwh"],
         shed_mwh=summary["shed_mwh"],
         shed_by_load=summary["shed_by_load"],
+        shed_causes=summary["shed_causes"],
         outages=summary["outages"],
     )

@@ -376,6 +376,10 @@ def _meanings(
     return files | tables | others
 
 
+HAS_GAPS = ("voltage", "bus_price")
+"""Tables with nothing where buses are dead."""
+
+
 def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:
     """The tables that a plan's folder holds.
 
@@ -395,7 +399,7 @@ def read_tables(folder: Path, names: Mapping[str, str]) -> dict[str, SlotTable]:
         if path.is_file():
             frame = pd.read_parquet(checked_path(path))
             values = np.asarray(frame.to_numpy().T, float)
-            has_gaps = np.isnan(values).any() and name != "voltage"  # of dead buses
+            has_gaps = np.isnan(values).any() and name not in HAS_GAPS
             if has_gaps or np.isinf(values).any() or not frame.columns.is_unique:
                 raise ValueError(f"{path.name} has labels twice, or cells that are no numbers")
             tables[name] = SlotTable(tuple(map(str, frame.columns)), values)

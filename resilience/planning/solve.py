@@ -30,8 +30,9 @@ from resilience.models.program.gate import (
 from resilience.models.program.referee import audit, settle
 from resilience.models.structures import Cone
 from resilience.planning.plan import Plan
+from resilience.planning.reading.causes import shed_causes
 from resilience.planning.reading.fuel import fuel_notes
-from resilience.planning.reading.reasons import shed_reasons
+from resilience.planning.reading.reasons import shed_by_reason, shed_loads
 from resilience.planning.records import Certificate, Costs, Horizon
 from resilience.planning.scenario_options import ScenarioOptions
 from resilience.planning.tables import (
@@ -194,6 +195,7 @@ def plan_known_outages(
         energy_mwh=point.energy_mwh,
         shed_mwh=point.energy_mwh["shed"],
         shed_by_load=point.shed_by_load,
+        shed_causes=point.shed_causes,
         outages=outage_texts(case.outages, case.window),
     )
 
@@ -252,6 +254,7 @@ class AuditedPoint:
         tables: every quantity by slot.
         energy_mwh: the energy balance, MWh.
         shed_by_load: {load: {reason: MWh}}.
+        shed_causes: {load: {reason: sentence}}.
         fuel_notes: a sentence per tank.
     """
 
@@ -260,6 +263,7 @@ class AuditedPoint:
     tables: dict[str, SlotTable]
     energy_mwh: dict[str, float]
     shed_by_load: dict[str, dict[str, float]]
+    shed_causes: dict[str, dict[str, str]]
     fuel_notes: list[str]
 
 
@@ -298,13 +302,14 @@ def audited_point(program: CaseProgram, result: MethodResult, wanted_gap: float)
         audit_worst=checked.name,
         cost_scale=scale,
     )
-    tables = tabulate(program, z)
+    tables, shed = tabulate(program, z), shed_loads(program, z)
     return AuditedPoint(
         certificate,
         Costs(objective, operating, credit, costs),
         tables,
         balance(program.case, tables),
-        shed_reasons(program, z),
+        shed_by_reason(program, shed),
+        shed_causes(program, z, shed),
         fuel_notes(program, z),
     )
 

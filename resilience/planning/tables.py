@@ -23,10 +23,17 @@ _UNITS = {
     "shed": "MW",
     "surplus": "MW that a load takes beside its demand after an interruption",
 }
+PRICE_UNITS = {
+    "bus_price": "$/MWh that a little more demand at a bus costs; empty in dead islands",
+    "storage_value": "$/MWh that a little more stored at the end of the slot saves",
+    "fuel_value": "$/m³ that a little more fuel at the end of the slot saves",
+}
+"""Tables that are made when they are asked for, with one more solve."""
 _MORE_UNITS = {
     "voltage": "pu",
     "line_power": "MW at the sending end",
     "line_reactive": "Mvar at the sending end",
+    "line_loading": "% of the rating at the more loaded end",
     "line_closed": "1 where the line can carry power",
     "island": "number of the island a bus belongs to; 0 is dead",
     "fuel": "m³ in the tank at the end of the slot",
@@ -39,7 +46,7 @@ _MORE_UNITS = {
 def table_units() -> dict[str, str]:
     """Every table that a plan may have, and what it holds."""
     weather = {available_table(fleet): "MW" for fleet in in_roles(fleet_classes(), "weather")}
-    return _UNITS | weather | _MORE_UNITS
+    return _UNITS | weather | _MORE_UNITS | PRICE_UNITS
 
 
 def available_table(fleet: DeviceFleet | type[DeviceFleet]) -> str:
@@ -122,9 +129,32 @@ def _wires(program: CaseProgram, z: Floats) -> dict[str, SlotTable]:
         tables["line_power"] = SlotTable(standard.labels("line.p"), sent.real)
         if standard.has("line.q"):
             tables["line_reactive"] = SlotTable(standard.labels("line.q"), sent.imag)
+        rated = np.isfinite(program.microgrid.network.rating_mva)
+        if rated.any():
+            names = tuple(np.array(standard.labels("line.p"))[rated].tolist())
+            loading = (
+                line_mva(program, z)[rated] / program.microgrid.network.rating_mva[rated, None]
+            )
+            tables["line_loading"] = SlotTable(names, 100.0 * loading)
         closed = as_switched(program, z).line_up
         tables["line_closed"] = SlotTable(standard.labels("line.p"), closed.astype(float))
     return tables
+
+
+def line_mva(program: CaseProgram, z: Floats) -> Floats:
+    """(lines, slots) MVA at the end of each rated line where there are more; 0 of the others."""
+    standard, network = program.standard, program.microgrid.network
+    mva = np.zeros((len(network.line_names), standard.tree.n))
+    if not standard.has("line.p"):
+        return mva
+    rated = np.isfinite(network.rating_mva)
+    mva[rated] = np.abs(z[standard.columns("line.p")])[rated]
+    for structure in standard.structures:
+        if structure.name in ("line.rating", "line.rating_end"):
+            rows = [network.line_names.index(name) for name in structure.labels]
+            length = np.sqrt(sum(x**2 for x in structure.values(z))).reshape(-1, len(rows)).T
+            mva[rows] = np.maximum(mva[rows], length)
+    return mva
 
 
 def _sent(program: CaseProgram, z: Floats) -> Complexes:

@@ -127,7 +127,8 @@ def _shed(plan: Plan) -> RenderableType:
     rows = []
     for load, reasons in sorted(plan.shed_by_load.items(), key=lambda x: -sum(x[1].values())):
         for reason, mwh in sorted(reasons.items(), key=lambda x: -x[1]):
-            rows.append((load, f"{mwh:.3f}", REASONS[reason]))
+            because = plan.shed_causes.get(load, {}).get(reason, REASONS[reason])
+            rows.append((load, f"{mwh:.3f}", because))
     table = grid(f"Shed: {plan.shed_mwh:.3f} MWh", rows, "load", "MWh", "because")
     table.columns[2].justify = "left"
     return table

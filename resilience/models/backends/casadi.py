@@ -14,6 +14,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import (
     INFEASIBLE,
     NOTHING,
+    Duals,
     LeafCuts,
     Solution,
     crossed,
@@ -126,7 +127,15 @@ class NLP:
         point[free] = np.clip(np.asarray(answer["x"]).ravel(), v.lower[free], v.upper[free])
         price = -np.asarray(answer["lam_p"]).ravel()
         value = float(v.cost @ point + v.offset)
-        return Solution("optimal", point, value, -np.inf, state_price=price)
+        duals = self._duals(np.asarray(answer["lam_g"]).ravel(), live)
+        return Solution("optimal", point, value, -np.inf, duals, price)
+
+    def _duals(self, multipliers: Floats, live: Bools) -> Duals:
+        """Multipliers of the program's rows, of those first that have something to move."""
+        moving = np.flatnonzero(_moving(self.standard.a, live))
+        rows = np.zeros(self.standard.n_rows)
+        rows[moving] = multipliers[: len(moving)]
+        return Duals(rows)
 
     def _options(self, free: Ints, seconds: float) -> dict[str, Any]:
         settings: dict[str, Any] = {

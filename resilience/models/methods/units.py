@@ -54,10 +54,13 @@ class RescaledProgram(CaseProgram):
         return self.rescaled
 
 
-def rescaled(program: CaseProgram, units: Units) -> tuple[CaseProgram, Floats]:
-    """A program in other units, and what one unit of each of its columns (columns,) is.
+def rescaled(program: CaseProgram, units: Units) -> tuple[CaseProgram, Floats, Floats]:
+    """A program in other units, what one unit of its columns is, and what rows are multiplied by.
 
     Every row is divided by its largest coefficient.
+
+    Returns:
+        The program, (columns,), and (rows,).
     """
     standard, v = program.standard, program.vectors
     scale = column_scale(standard, units)
@@ -77,7 +80,7 @@ def rescaled(program: CaseProgram, units: Units) -> tuple[CaseProgram, Floats]:
     )
     of_program = {f: getattr(program, f) for f in CaseProgram.__dataclass_fields__}
     of_program["standard"] = RescaledStandard(**fields, base_mw=units.base_mw)
-    return RescaledProgram(**of_program, rescaled=numbers), scale
+    return RescaledProgram(**of_program, rescaled=numbers), scale, rows
 
 
 def _structure(
@@ -106,7 +109,7 @@ def in_own_units(
         units = Units.of_program(program.standard, program.vectors)
         if units == Units():
             return method(program, options)
-        inner, scale = rescaled(program, units)
+        inner, scale, _ = rescaled(program, units)
         answer = method(inner, options)
         return replace(
             answer,

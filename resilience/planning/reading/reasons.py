@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, in_roles
 from resilience.planning.reading.fuel import without_fuel
+from resilience.planning.tables import line_mva
 from resilience.tolerances import AT_LIMIT_TOLERANCE
 
 POLYGON_SHARE = 0.96  # of its rating at which an inverter stands at it, however coarse its polygon
@@ -25,46 +28,82 @@ REASONS = {
     "saved": "storage saves what it has for a later slot",
     "fuel saved": "generators save what is in the tank for a later slot",
     "voltage": "voltages of its island are at both ends of their band",
-    "rating": "a line of its island is at its rating",
+    "rating": "a line on its way is at its rating",
     "block": "the load can only be served whole",
     "price": "shedding is cheaper than the sources left, or limits such as ramps hold them",
 }
 """Each reason, in the order in which they are tried, with its meaning."""
 
 
-def shed_reasons(program: CaseProgram, z: Floats) -> dict[str, dict[str, float]]:
-    """MWh shed per load and reason, {load: {reason: MWh}}; loads that are served are left out."""
+@dataclass(frozen=True)
+class ShedLoad:
+    """One load in the slots in which one reason held it back.
+
+    Attributes:
+        fleet: of the load.
+        row: of the load in its fleet.
+        reason: key of `REASONS`.
+        slots: (slots shed,) in which slots.
+        mw: (slots shed,) shed in these, MW.
+    """
+
+    fleet: DeviceFleet
+    row: int
+    reason: str
+    slots: Ints
+    mw: Floats
+
+
+def shed_loads(program: CaseProgram, z: Floats) -> list[ShedLoad]:
+    """What was shed of every load, reason by reason; loads that are served are left out."""
     loads = in_roles(program.microgrid.fleets.values(), "load")
     if not loads:
-        return {}
-    islands, causes = as_switched(program, z).island, _causes(program, z)
-    reasons: dict[str, dict[str, float]] = {}
+        return []
+    islands, causes, entries = as_switched(program, z).island, _causes(program, z), []
     for fleet in loads:
-        shed, island, is_block = program.values(fleet.shed, z), islands[fleet.bus], fleet.is_block()
-        for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE):
-            reason = _reason(causes, int(island[i, t]), int(t), bool(is_block[i]))
-            mwh = float(shed[i, t]) * program.case.step_h
-            by_reason = reasons.setdefault(fleet.names[int(i)], {})
-            by_reason[reason] = by_reason.get(reason, 0.0) + mwh
+        shed, is_block = program.values(fleet.shed, z), fleet.is_block()
+        slots: dict[tuple[int, str], list[int]] = {}
+        for i, t in np.argwhere(shed > AT_LIMIT_TOLERANCE).tolist():
+            bus = int(fleet.bus[i])
+            reason = _reason(causes, bus, int(islands[bus, t]), t, bool(is_block[i]))
+            slots.setdefault((i, reason), []).append(t)
+        entries += [
+            ShedLoad(fleet, i, reason, np.array(times), shed[i, times])
+            for (i, reason), times in slots.items()
+        ]
+    return entries
+
+
+def shed_by_reason(program: CaseProgram, loads: list[ShedLoad]) -> dict[str, dict[str, float]]:
+    """MWh shed per load and reason, {load: {reason: MWh}}."""
+    reasons: dict[str, dict[str, float]] = {}
+    for entry in loads:
+        mwh = float(entry.mw.sum()) * program.case.step_h
+        reasons.setdefault(entry.fleet.names[entry.row], {})[entry.reason] = mwh
     return reasons
 
 
-def _reason(causes: dict[str, Bools], island: int, t: int, is_block: bool) -> str:
+def _reason(causes: dict[str, Bools], bus: int, island: int, t: int, is_block: bool) -> str:
     if causes["dead"][island, t]:
         return "no source"
     if causes["bound"][island, t]:
         short = [reason for reason in ("energy", "fuel") if causes[reason][island, t]]
         return short[0] if short else "power"
-    for reason in ("reactive", "saved", "fuel saved", "voltage", "rating"):
+    for reason in ("reactive", "saved", "fuel saved", "voltage"):
         if causes[reason][island, t]:
             return reason
+    if causes["rating"][bus, t]:
+        return "rating"
     return "block" if is_block else "price"
 
 
 def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
-    """(islands, slots) what is true of every island: see the names used in `_reason`."""
-    network, situation = program.microgrid.network, as_switched(program, z)
-    fleets = program.microgrid.fleets.values()
+    """(islands, slots) what is true of every island, see the names used in `_reason`.
+
+    `rating` is (buses, slots): which of them are behind a line at its rating.
+    """
+    situation, fleets = as_switched(program, z), program.microgrid.fleets.values()
+    none = np.zeros(situation.island.shape, bool)
     shape = (int(situation.island.max()) + 1, situation.n)
 
     def in_islands(bus: Ints, holds: Bools) -> Bools:
@@ -78,9 +117,9 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     spare, asks, room = (np.zeros(shape, bool) for _ in range(3))
     empty, saved = ({kind: np.zeros(shape, bool) for kind in _SHORT} for _ in range(2))
     for fleet in in_roles(fleets, "weather", "dispatchable", "exchange", "storage"):
-        full, starved = _source(program, z, fleet)
+        full, starved = source_limits(program, z, fleet)
         spare |= in_islands(fleet.bus, ~(full | starved))
-        room |= in_islands(*_reactive_room(program, z, fleet))
+        room |= in_islands(*reactive_room(program, z, fleet))
         kind = "energy" if fleet.role == "storage" else "fuel"
         empty[kind] |= in_islands(fleet.bus, starved & ~full)
         later = np.logical_or.accumulate(starved[:, ::-1], axis=1)[:, ::-1]
@@ -88,7 +127,7 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     for fleet in in_roles(fleets, "load"):
         asks |= in_islands(fleet.bus, _asks_reactive(program, fleet))
     buses = np.arange(len(situation.forming))
-    lowest, highest = _voltage_limits(program, z)
+    lowest, highest = voltage_limits(program, z)
     return {
         "dead": in_islands(buses, situation.alive < 0.5),
         "bound": ~spare,
@@ -97,11 +136,11 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
         "saved": saved["energy"],
         "fuel saved": saved["fuel"],
         "voltage": in_islands(buses, lowest) & in_islands(buses, highest),
-        "rating": in_islands(network.from_bus, _at_rating(program, z)),
+        "rating": np.logical_or.reduce([none, *behind_ratings(program, z).values()]),
     }
 
 
-def _source(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Bools, Bools]:
+def source_limits(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Bools, Bools]:
     """(devices, slots) whether a device feeds in all it can, and if it has no energy or fuel."""
     standard, vectors = program.standard, program.vectors
     full = np.ones((len(fleet.tables), program.situation.n), bool)
@@ -121,7 +160,7 @@ def _asks_reactive(program: CaseProgram, loads: DeviceFleet) -> Bools:
     return asks[:, None] & (program.data[loads.demand] > AT_LIMIT_TOLERANCE)
 
 
-def _reactive_room(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Ints, Bools]:
+def reactive_room(program: CaseProgram, z: Floats, fleet: DeviceFleet) -> tuple[Ints, Bools]:
     """Bus of devices with reactive power, and (devices, slots) whether they could give more."""
     standard = program.standard
     if not standard.has(fleet.reactive):
@@ -142,7 +181,7 @@ def _at_disc(program: CaseProgram, z: Floats, name: str, shape: tuple[int, ...])
     return np.zeros(shape, bool)
 
 
-def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
+def voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
     """(buses, slots) lowest voltage allowed, and highest; a held voltage can only be the latter.
 
     Only both in one island bind: without an upper limit the whole island could be raised.
@@ -159,15 +198,33 @@ def _voltage_limits(program: CaseProgram, z: Floats) -> tuple[Bools, Bools]:
 
 def _at_rating(program: CaseProgram, z: Floats) -> Bools:
     """(lines, slots) whether a line is at its rating at either end."""
-    standard, network = program.standard, program.microgrid.network
-    limit = network.rating_mva[:, None] * RATING_SHARE - AT_LIMIT_TOLERANCE
-    near = np.zeros((len(network.line_names), program.situation.n), bool)
-    if not standard.has("line.p"):
-        return near
-    near |= np.isfinite(limit) & (np.abs(z[standard.columns("line.p")]) >= limit)
-    for structure in standard.structures:
-        if structure.name in ("line.rating", "line.rating_end"):
-            rows = [network.line_names.index(name) for name in structure.labels]
-            length = np.sqrt(sum(x**2 for x in structure.values(z)))
-            near[rows] |= limit[rows] <= length.reshape(-1, len(rows)).T
+    limit = program.microgrid.network.rating_mva[:, None] * RATING_SHARE - AT_LIMIT_TOLERANCE
+    near = np.isfinite(limit) & (line_mva(program, z) >= limit)
     return near & as_switched(program, z).line_up
+
+
+def behind_ratings(program: CaseProgram, z: Floats) -> dict[int, Bools]:
+    """Per line that is ever at its rating, (buses, slots) which buses it holds power back from.
+
+    These are the ones that only that line feeds; in a loop, all of the island.
+    """
+    near = _at_rating(program, z)
+    rows = np.flatnonzero(near.any(axis=1))
+    if not len(rows):
+        return {}
+    microgrid, situation = program.microgrid, as_switched(program, z)
+    flow = z[program.standard.columns("line.p")]
+    behind: dict[int, Bools] = {}
+    for k in rows.tolist():
+        slots = np.flatnonzero(near[k])
+        up = situation.line_up[:, slots].copy()
+        up[k] = False
+        island, _ = microgrid.islands.lookup(up)
+        ends = microgrid.network.from_bus[k], microgrid.network.to_bus[k]
+        to, start = (np.where(flow[k, slots] > 0.0, *pair) for pair in (ends[::-1], ends))
+        columns = np.arange(len(slots))
+        in_loop = island[to, columns] == island[start, columns]
+        parts = np.where(in_loop, situation.island[:, slots], island)
+        behind[k] = np.zeros(situation.island.shape, bool)
+        behind[k][:, slots] = parts == parts[to, columns]
+    return behind

@@ -34,6 +34,7 @@ PLAN: dict[str, Any] = {
     "energy_mwh": {"demand": 4.0, "shed": 0.0, "import": 4.0, "losses": 0.0},
     "shed_mwh": 0.0,
     "shed_by_load": {"load1": {"power": 0.5}},
+    "shed_causes": {},
     "outages": ["1-2@00:00-01:00"],
     "start": "2016-07-12T00:00:00",
     "step_min": 60.0,
@@ -88,7 +89,8 @@ GRID = {"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}
 
 def written(folder: Path, summary: dict[str, Any]) -> str:
     """Writes a summary as an earlier version did, and gives it as it is today."""
-    earlier = {key: value for key, value in summary.items() if key != "not_modelled"}
+    later = ("not_modelled", "shed_causes")
+    earlier = {key: value for key, value in summary.items() if key not in later}
     folder.mkdir()
     (folder / "summary.json").write_text(json.dumps(earlier, indent=2) + "\n", encoding="utf-8")
     return json.dumps(summary, indent=2) + "\n"
