@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from resilience.evaluation.compare import Report, compare, evaluate
     from resilience.evaluation.comparison import Comparison, load_comparison
     from resilience.evaluation.survival import Survival, survive
+    from resilience.fragility.drawing import scenarios
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.models.simulator.decision import Decision
@@ -36,9 +37,11 @@ if TYPE_CHECKING:
     from resilience.pages.write import write_page
     from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
+    from resilience.planning.scenario_options import ScenarioOptions
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
     from resilience.plots.feeder.picture import plot_map
+    from resilience.planning.sweep import sweep
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.learning import plot_learning
     from resilience.plots.plan import plot_plan
@@ -90,6 +93,7 @@ __all__ = [
     "Report",
     "ResilienceError",
     "RunDiff",
+    "ScenarioOptions",
     "ScenarioPlan",
     "Scenarios",
     "Setting",
@@ -122,8 +126,10 @@ __all__ = [
     "plot_water_values",
     "replay",
     "sample_profiles",
+    "scenarios",
     "solve",
     "survive",
+    "sweep",
     "train",
     "water_values",
     "write_page",

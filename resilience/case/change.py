@@ -12,8 +12,10 @@ from typing import Any
 from resilience.case.cloud import bare_profile
 from resilience.case.data import Case, Outage
 from resilience.case.document import Document
-from resilience.case.outages import outage_texts, parse_outages
+from resilience.case.outages import OutageWords, outage_texts, parse_outages
+from resilience.case.reading import in_toml
 from resilience.case.schema import DEVICES, PVTable, Table
+from resilience.case.starter.in_memory import feeder_of_net, is_pandapower, network_tables
 from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean, shortened
 
@@ -35,7 +37,7 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
         UsageError: a key that cannot be replaced, or outages that do not fit.
     """
     lists = {*DEVICES, "line", "tank"}
-    replaceable = {*_HORIZON, *_HEAD, *lists, *_TABLES, "profiles", "outages"}
+    replaceable = {*_HORIZON, *_HEAD, *lists, *_TABLES, "profiles", "outages", "network"}
     for key in [key for key in changes if key not in replaceable]:
         hint = did_you_mean(key, sorted(replaceable), max_listed=len(replaceable))
         raise UsageError(f"{key} of a case cannot be replaced", hint)
@@ -48,6 +50,8 @@ def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document]
     for key in changes.keys() & _TABLES:
         value = changes[key]
         data[key] = plain(value) if isinstance(value, Table) else value
+    if "network" in changes:
+        data |= _network(changes["network"])
     if "profiles" in changes:
         data["profiles"] = {"columns": _columns(changes["profiles"])}
     elif any(key in changes for key in _HORIZON):
@@ -80,18 +84,37 @@ def _stated(kind: str, tables: object) -> list[dict[str, Any]]:
         UsageError: they are no tables.
     """
     entries = list(tables) if isinstance(tables, Iterable) else [tables]
-    sound = [table for table in entries if isinstance(table, Table)]
+    sound = [table for table in entries if isinstance(table, Table | Mapping)]
     if len(sound) < len(entries):
         raise UsageError(
-            f"{kind} of a case: {shortened(repr(entries))}; allowed: tables, as case.{kind} has",
+            f"{kind} of a case: {shortened(repr(entries))}; allowed: tables",
             hint=f"case.with_{kind}(NAME, key=value) changes one of them",
         )
     return [
         _bare(table).model_dump(
             by_alias=True, exclude_none=True, exclude_unset=True, warnings=False
         )
+        if isinstance(table, Table)
+        else in_toml(table)
         for table in sound
     ]
+
+
+def _network(value: object) -> dict[str, Any]:
+    """`[network]`, and `[[line]]` where a network in memory tells of its lines.
+
+    Raises:
+        UsageError: it is no network.
+    """
+    if is_pandapower(value):
+        return network_tables(feeder_of_net(value), [])
+    if not isinstance(value, Mapping):
+        raise UsageError(
+            f"network of a case: {shortened(repr(value))}; allowed: a table, or a network of "
+            "pandapower",
+            hint='network={"pandapower": "case33bw"}',
+        )
+    return {"network": in_toml(value)}
 
 
 def _columns(profiles: Mapping[str, Iterable[float]]) -> dict[str, list[float]]:
@@ -129,7 +152,7 @@ def _shift_columns(case: Case, data: dict[str, Any], changes: dict[str, Any]) ->
 
 
 def _outages(
-    old: Case, new: Case, replacement: str | Path | Iterable[Outage | str] | None
+    old: Case, new: Case, replacement: str | Path | Iterable[Outage | OutageWords] | None
 ) -> tuple[Outage, ...]:
     if replacement is None:
         return _moved(old.outages, old.window, new.window)
@@ -138,8 +161,8 @@ def _outages(
     if isinstance(replacement, Outage):
         replacement = (replacement,)
     entries = tuple(replacement)
-    if texts := [entry for entry in entries if isinstance(entry, str)]:
-        return parse_outages(texts, new)
+    if words := [entry for entry in entries if isinstance(entry, str | tuple)]:
+        return parse_outages(words, new)
     outages = tuple(entry for entry in entries if isinstance(entry, Outage))
     if len(outages) < len(entries):
         raise UsageError(

@@ -33,6 +33,8 @@ from resilience.case.schema import (
 from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean
 
+CASES_FROM: dict[str, Callable[..., Case]] = {}
+"""What makes cases from `tables` and from a `net`; whoever reads cases gives it."""
 AnyDevice = TypeVar("AnyDevice", bound=DeviceTable)
 
 
@@ -106,6 +108,41 @@ class Case:
     blackout: BlackoutTable | None = None
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     omissions: tuple[Omission, ...] = ()
+
+    @classmethod
+    def from_dict(cls, tables: Mapping[str, Any]) -> Case:
+        """A case from plain tables, those of a case file.
+
+        `Case.from_dict({"network": {"pandapower": "case33bw"}, "time": {"start": "2016-07-12",
+        "slots": 24, "step_min": 60.0}, "grid": [{"bus": "1", "import_max_mw": 5.0, ...}], ...})`.
+        `extends` names a case that these tables are laid over. Arrays, series, tuples and tables
+        of other cases may stand in them, the start as text, outages as `parse_outages` takes them,
+        and files are named from the working folder. What is None is left out.
+
+        Raises:
+            CaseError: every mistake in them.
+            UsageError: there is no case of that name to extend.
+        """
+        return CASES_FROM["tables"](tables)
+
+    @classmethod
+    def from_pandapower(cls, net: object, **tables: Any) -> Case:
+        """A case for a network of pandapower in memory, with what it knows of devices and costs.
+
+        `Case.from_pandapower(net, ess=[{"name": "ess1", "bus": "7", "p_max_mw": 1.0, ...}])`. The
+        network becomes inline tables, so the case needs no file; what of it has no place in a case
+        is in `omissions`, and every plan tells it. Without `time` the horizon is a day in quarters
+        of an hour; without prices imports, generators and shedding cost what `case new` writes.
+
+        Args:
+            net: a `pandapowerNet`.
+            tables: as for `from_dict`, laid over those of the network, devices by name.
+
+        Raises:
+            CaseError: every mistake in the result.
+            UsageError: no such network, or one with devices that a case cannot have.
+        """
+        return CASES_FROM["net"](net, tables)
 
     @property
     def load(self) -> tuple[LoadTable, ...]:
@@ -221,8 +258,9 @@ class Case:
         Sixteen days are `case.replace(start=datetime(2016, 8, 1), slots=16 * 96)`. Files are in
         memory after the first time, so this takes milliseconds.
         A new `start`, `slots` or `step_min` reads the profiles again and keeps outages at their
-        times of day and date, as far as they fall into the new horizon. `outages` may be text, as
-        in a case file.
+        times of day and date, as far as they fall into the new horizon. `outages` may be texts, as
+        in a case file, tuples (line, start, stop), or `Outage`. `network` takes the tables of
+        `[network]`, or a network of pandapower, whose devices are then of no account.
 
         Raises:
             CaseError: the result is no valid case; all mistakes are listed.

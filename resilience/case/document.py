@@ -197,6 +197,26 @@ def read_document(path: Path, chain: tuple[Path, ...] = ()) -> Document:
     )
 
 
+def document_of(tables: TomlTable, base: TomlTable | None = None) -> Document:
+    """Tables made in code as a case file, merged over the case that they extend.
+
+    Args:
+        tables: as TOML has them; files in them are named from the working folder.
+        base: tables that these are laid over; those of `extends` if omitted.
+
+    Raises:
+        UsageError: there is no case to extend.
+    """
+    _absolute_paths(tables, Path.cwd())
+    if base is not None:
+        return Document(None, _merge(base, tables))
+    extends = tables.get("extends")
+    if not isinstance(extends, str):
+        return Document(None, tables)
+    document = read_document(find_case(extends))
+    return Document(None, _merge(document.data, tables), document.origin, document.mistakes)
+
+
 def _parse(path: Path, document: Document) -> TomlTable:
     """The tables of a file; mistakes are noted. What is no case is not quoted."""
     try:

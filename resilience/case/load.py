@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -16,15 +16,24 @@ from resilience.case.checks.parts import Parts
 from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
-from resilience.case.data import Case, Outage
+from resilience.case.data import CASES_FROM, Case, Outage
 from resilience.case.deliveries import delivery_profiles
-from resilience.case.document import Document, Finding, Place, TomlTable, find_case, read_document
+from resilience.case.document import (
+    Document,
+    Finding,
+    Place,
+    TomlTable,
+    document_of,
+    find_case,
+    read_document,
+)
 from resilience.case.inline import read_inline
 from resilience.case.networks.feeder import FeederError
+from resilience.case.networks.omissions import Omission
 from resilience.case.networks.read import cables, finish_network, read_feeder
 from resilience.case.outages import place_outages, split_specs
 from resilience.case.profiles import read_profiles
-from resilience.case.reading import read_list, read_table, show, unknown_key
+from resilience.case.reading import in_toml, read_list, read_table, show, unknown_key
 from resilience.case.schema import (
     DEVICES,
     BlackoutTable,
@@ -42,6 +51,7 @@ from resilience.case.schema import (
     case_table,
     defaults_table,
 )
+from resilience.case.starter.in_memory import tables_of_net
 from resilience.case.tariff import tariff_profiles
 from resilience.case.window import DAY_MIN, FIRST_YEAR, LAST_YEAR, Window
 from resilience.errors import CaseError, did_you_mean
@@ -55,6 +65,20 @@ def load_case(ref: str | os.PathLike[str]) -> Case:
         UsageError: there is no such case.
     """
     return build_case(read_document(find_case(ref)))
+
+
+def case_from_tables(tables: Mapping[str, Any]) -> Case:
+    """See `Case.from_dict`."""
+    return build_case(document_of(in_toml(tables)))
+
+
+def case_from_net(net: object, tables: Mapping[str, Any]) -> Case:
+    """See `Case.from_pandapower`."""
+    return build_case(document_of(in_toml(tables), tables_of_net(net)))
+
+
+CASES_FROM["tables"] = case_from_tables
+CASES_FROM["net"] = case_from_net
 
 
 def build_case(document: Document) -> Case:
@@ -249,7 +273,8 @@ def _read_network(parts: Parts) -> None:
             usable = network.in_service | parts.network.switchable
             usable &= ~cables(network, lines)
             parts.network = replace(parts.network, breakpoint=usable)
-        parts.places, parts.omissions = feeder.places, feeder.omissions
+        stated = (Omission(words, ()) for words in table.not_modelled)
+        parts.places, parts.omissions = feeder.places, (*feeder.omissions, *stated)
 
 
 def _read_profiles(parts: Parts) -> dict[str, Floats]:

@@ -29,6 +29,19 @@ _FORM = "LINE@START-STOP, as in 6-26@14:00-17:30"
 LINE_OR_UNIT = "a line of the network, or a unit"
 
 
+OutageWords = str | tuple[str, str | datetime, str | datetime]
+"""`6-26@14:00-17:30`, or its three parts."""
+
+
+def in_words(entry: OutageWords | object) -> str:
+    """An outage as text, `LINE@START-STOP`; what is none comes back as text that is refused."""
+    if not (isinstance(entry, tuple | list) and len(entry) == 3):
+        return str(entry)
+    line, *times = entry
+    start, stop = (f"{t:%Y-%m-%d %H:%M:%S}" if isinstance(t, datetime) else str(t) for t in times)
+    return f"{line}@{start}-{stop}"
+
+
 class HasHorizon(Protocol):
     """Anything with a network, units and a horizon; a `Case` is one."""
 
@@ -68,17 +81,18 @@ class _TimeError(Exception):
     """What is wrong with the times of an outage: `(allowed, hint)`."""
 
 
-def parse_outages(text: str | Path | Sequence[str], case: HasHorizon) -> tuple[Outage, ...]:
+def parse_outages(text: str | Path | Sequence[OutageWords], case: HasHorizon) -> tuple[Outage, ...]:
     """Outages for a case from text (comma or semicolon separated), a CSV file, or `none`.
 
-    A list of texts, as a case file has it, is taken, too.
+    A list of texts, as a case file has it, is taken, too, and of tuples
+    `("6-26", "14:00", "17:30")`, in which times may be `datetime`.
 
     Raises:
         CaseError: every mistake in them.
         UsageError: the file cannot be read; the row is named.
     """
     if not isinstance(text, str | Path):
-        specs, mistakes = split_specs(text, "outages", "outages")
+        specs, mistakes = split_specs(map(in_words, text), "outages", "outages")
         file = "outages"
     elif isinstance(text, Path) or text.strip().lower().endswith(".csv"):
         specs, mistakes = _read_csv(Path(str(text).strip()))

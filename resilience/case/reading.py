@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from datetime import date
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from datetime import date, datetime
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from pydantic import TypeAdapter, ValidationError
@@ -12,6 +14,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from resilience.case.document import Document, Finding, Place, TomlTable, entry_name
+from resilience.case.outages import in_words
 from resilience.case.schema import DEVICES, Table
 from resilience.errors import did_you_mean, shortened
 
@@ -201,3 +204,38 @@ def _defaults(model: type[Table], kind: str, document: Document) -> TomlTable:
         where = ("defaults", kind, key)
         document.add(where, f"[defaults.{kind}]", key, *unknown_key(model, key))
     return {key: value for key, value in defaults.items() if key in model.model_fields}
+
+
+def in_toml(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables made in code as TOML would have them.
+
+    Arrays, series and tuples become lists, tables of cases plain ones, a frame of profiles its
+    columns, outages their texts, and the start of a horizon a time. What is None is left out.
+    """
+    data = {str(key): _in_toml(value) for key, value in tables.items() if value is not None}
+    outages = tables.get("outages")
+    if isinstance(outages, list | tuple):
+        data["outages"] = [in_words(entry) for entry in outages]
+    time = data.get("time")
+    if isinstance(time, dict) and isinstance(time.get("start"), str):
+        with suppress(ValueError):  # what is no time is refused where the table is read
+            time["start"] = datetime.fromisoformat(time["start"])
+    return data
+
+
+def _in_toml(value: Any) -> Any:
+    if isinstance(value, Table):
+        value = value.model_dump(
+            by_alias=True, exclude_none=True, exclude_unset=True, warnings=False
+        )
+    if isinstance(value, Mapping):
+        return {str(key): _in_toml(inner) for key, inner in value.items() if inner is not None}
+    if hasattr(value, "to_pydatetime"):  # a timestamp of pandas
+        return value.to_pydatetime()
+    if type(value).__name__ == "DataFrame":
+        return _in_toml(value.to_dict("list"))
+    if hasattr(value, "tolist"):  # arrays, their numbers, and series
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_in_toml(inner) for inner in value]
+    return str(value) if isinstance(value, Path) else value

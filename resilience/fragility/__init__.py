@@ -72,3 +72,7 @@ __all__ = [
     "sample_storms",
     "summary",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

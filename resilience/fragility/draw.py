@@ -21,6 +21,7 @@ from resilience.fragility.outages.units import with_units
 
 if TYPE_CHECKING:
     from resilience.case import Case, Outage
+    from resilience.case.outages import OutageWords
 
 BATCH = 16
 """Scenarios drawn at once: their generators and numbers take more memory than their outages."""
@@ -272,7 +273,7 @@ def listed(drawn: Scenarios) -> tuple[Outage, ...]:
 
 
 def outages_from(
-    text: str | Path | Sequence[str] | None, case: Case, seed: int | None = None
+    text: str | Path | Sequence[OutageWords] | None, case: Case, seed: int | None = None
 ) -> tuple[Outage, ...]:
     """Outages as a user asks for them: a draw of the case's bell, storm or blackout, or what
     `parse_outages` reads.

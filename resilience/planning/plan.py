@@ -163,7 +163,7 @@ class Plan(CertifiedPlan):
 
     @cached_property
     def _prices(self) -> dict[str, SlotTable]:
-        from resilience.planning.prices import price_tables
+        from resilience.planning.reading.prices import price_tables
 
         if self.case is None:
             raise UsageError(

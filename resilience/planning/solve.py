@@ -11,7 +11,7 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
-from resilience.case.outages import outage_texts
+from resilience.case.outages import OutageWords, outage_texts
 from resilience.errors import UsageError, did_you_mean
 from resilience.files import check_file, replacing_file
 from resilience.fragility.draw import outages_from
@@ -58,7 +58,7 @@ def solve(
     method: Deterministic = "minlp",
     *,
     physics: Physics | None = None,
-    outages: str | Path | Sequence[str] | None = None,
+    outages: str | Path | Sequence[OutageWords] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -71,7 +71,7 @@ def solve(
     method: str,
     *,
     physics: Physics | None = None,
-    outages: str | Path | Sequence[str] | None = None,
+    outages: str | Path | Sequence[OutageWords] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -84,7 +84,7 @@ def solve(
     method: str = "minlp",
     *,
     physics: Physics | None = None,
-    outages: str | Path | Sequence[str] | None = None,
+    outages: str | Path | Sequence[OutageWords] | None = None,
     seed: int | None = None,
     time_limit: float = 60.0,
     relative_gap: float | None = None,
@@ -98,9 +98,9 @@ def solve(
             `stochastic`, a two-stage program over scenarios; or the name of any dispatcher, which
             is simulated in the same scenarios.
         physics: copperplate, lindistflow or distflow; the method's own if omitted.
-        outages: `"6-26@14:00-17:30, ..."`, a CSV file, `"bell"` or `"storm"` for one draw of
-            what the case's `[outage]` or `[storm]` describes, or `"none"`; the case's own if
-            omitted.
+        outages: `"6-26@14:00-17:30, ..."`, a list of such or of `("6-26", "14:00", "17:30")`, a
+            CSV file, `"bell"` or `"storm"` for one draw of what the case's `[outage]` or `[storm]`
+            describes, or `"none"`; the case's own if omitted.
             Over scenarios: a file of scenarios (.npz, .csv), or a draw from the process.
         seed: of the draw; 0 if omitted.
         time_limit: seconds for the search; the best plan found is returned.
@@ -159,7 +159,7 @@ def plan_known_outages(
     case: Case | str | Path,
     method: str,
     physics: Physics | None,
-    outages: str | Path | Sequence[str] | None,
+    outages: str | Path | Sequence[OutageWords] | None,
     seed: int | None,
     limits: MethodOptions,
 ) -> Plan:

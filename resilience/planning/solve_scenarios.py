@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from resilience.case import Case, load_case
+from resilience.case.outages import OutageWords
 from resilience.dispatch.registry import factory_of
 from resilience.errors import UsageError
 from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_case, sample_of
@@ -53,7 +54,7 @@ NOT_SIMULATED = (
 
 def scenarios_for(
     case: Case,
-    outages: str | Path | Sequence[str] | None,
+    outages: str | Path | Sequence[OutageWords] | None,
     number: int | Scenarios | None,
     seed: int | None,
 ) -> Scenarios:
@@ -103,7 +104,7 @@ def plan_over_scenarios(
     case: Case | str | Path,
     method: str,
     physics: Physics | None,
-    outages: str | Path | Sequence[str] | None,
+    outages: str | Path | Sequence[OutageWords] | None,
     seed: int | None,
     limits: MethodOptions,
     options: ScenarioOptions,

@@ -24,3 +24,7 @@ __all__ = [
     "make_parallel",
     "make_vec",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

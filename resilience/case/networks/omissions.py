@@ -15,7 +15,7 @@ class Omission:
 
     Attributes:
         element: what it is, in the singular: `shunt`.
-        places: names of the buses, branches or devices where it is.
+        places: names of the buses, branches or devices where it is; none where `element` says all.
         size: how much it is in all: `19 Mvar`; empty where that says nothing.
         instead: what the case has in its place: `constant power`; empty for nothing.
     """
@@ -26,6 +26,8 @@ class Omission:
     instead: str = ""
 
     def __str__(self) -> str:
+        if not self.places:
+            return self.element
         count = len(self.places)
         words = f"{count} {self.element if count == 1 else plural(self.element)}"
         if self.size:

@@ -49,23 +49,31 @@ def tables_of_file(path: Path) -> Tables:
         FeederError: it is no such file.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))["_object"]
-        frames = {
-            name: _body(value)
-            for name, value in content.items()
-            if isinstance(value, dict)
-            and value.get("_class", "DataFrame") == "DataFrame"
-            and "_object" in value
-            and not _NO_ELEMENTS.match(name)
-        }
-        tables = {name: _rows(body) for name, body in frames.items() if _is_numbered(body["index"])}
-        if "bus" not in tables:
-            raise KeyError("bus")
-        _take_geodata(tables, content)
-        return tables | {"net": [{"index": 0, "f_hz": content.get("f_hz")}]}
+        return tables_of_content(json.loads(path.read_text(encoding="utf-8"))["_object"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         allowed = f"a pandapower network ({error!r})"
         raise FeederError(("file", path.name, allowed, _HINT)) from None
+
+
+def tables_of_content(content: Mapping[str, Any]) -> Tables:
+    """The tables of what `pandapower.to_json` writes, as JSON reads it.
+
+    Raises:
+        KeyError, ValueError, TypeError, AttributeError: it is something else.
+    """
+    frames = {
+        name: _body(value)
+        for name, value in content.items()
+        if isinstance(value, dict)
+        and value.get("_class", "DataFrame") == "DataFrame"
+        and "_object" in value
+        and not _NO_ELEMENTS.match(name)
+    }
+    tables = {name: _rows(body) for name, body in frames.items() if _is_numbered(body["index"])}
+    if "bus" not in tables:
+        raise KeyError("bus")
+    _take_geodata(tables, content)
+    return tables | {"net": [{"index": 0, "f_hz": content.get("f_hz")}]}
 
 
 def _take_geodata(tables: Tables, content: Mapping[str, Any]) -> None:

@@ -84,6 +84,11 @@ class NetworkTable(Table):
     )
     bus: tuple[BusTable, ...] = Field((), strict=False, description="inline buses")
     line: tuple[BranchTable, ...] = Field((), strict=False, description="inline lines")
+    not_modelled: tuple[str, ...] = Field(
+        (),
+        strict=False,
+        description="what of its source the inline tables leave out, in words: every plan tells it",
+    )
     impedance_scale: Positive = Field(1.0, description="multiplies every r and x")
     v_min_pu: Positive | None = Field(
         None,
