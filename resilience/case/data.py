@@ -32,6 +32,7 @@ from resilience.case.schema import (
 )
 from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean
+from resilience.shown import Shown
 
 CASES_FROM: dict[str, Callable[..., Case]] = {}
 """What makes cases from `tables` and from a `net`; whoever reads cases gives it."""
@@ -53,8 +54,8 @@ class Outage:
     stop: int
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Shown):
     """A microgrid, its horizon, and the outages to plan for.
 
     Powers are in MW, energies in MWh, prices per MWh; `case.ess` is short for

@@ -21,6 +21,7 @@ from resilience.evaluation.saving import save_report
 from resilience.evaluation.verdict import few_events
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.weights import worth
+from resilience.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,8 +41,8 @@ RELAXED_WARNING = (
 )
 
 
-@dataclass(frozen=True)
-class Report(Judged):
+@dataclass(frozen=True, repr=False)
+class Report(Shown, Judged):
     """What is printed and saved of a comparison; see `Judged` for what it holds."""
 
     @property

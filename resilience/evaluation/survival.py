@@ -33,6 +33,7 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.units import with_units
 from resilience.models.microgrid import Microgrid
 from resilience.progress import meter
+from resilience.shown import Shown
 from resilience.simulation.observation import Forecast, Observation, parts_of
 from resilience.simulation.stepping import stepped
 from resilience.simulation.world import World
@@ -45,8 +46,8 @@ STARTS_AT_ONCE = 2048
 Z_95 = float(ndtri(0.975))
 
 
-@dataclass(frozen=True)
-class Survival:
+@dataclass(frozen=True, repr=False)
+class Survival(Shown):
     """How long loads last, start by start.
 
     Attributes:

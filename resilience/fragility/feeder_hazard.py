@@ -33,10 +33,11 @@ from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
 from resilience.results import HAZARD, replacing, write_summary
+from resilience.shown import Shown
 
 
-@dataclass(frozen=True, eq=False)
-class Hazard:
+@dataclass(frozen=True, eq=False, repr=False)
+class Hazard(Shown):
     """A storm's hazard on a feeder.
 
     Attributes:

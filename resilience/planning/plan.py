@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from resilience.models.microgrid import Physics
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Plan(CertifiedPlan):
     """A dispatch plan, its certificate, and where its costs and its shedding come from.
 
@@ -171,6 +171,38 @@ class Plan(CertifiedPlan):
                 hint="load a folder that holds case.toml",
             )
         return price_tables(self.case, cast("Physics", self.physics), self.tables["variables"])
+
+    def to_excel(self, path: str | Path) -> Path:
+        """Writes a workbook: summary, actions, and a sheet per table but that of all variables.
+
+        Raises:
+            UsageError: openpyxl is missing (`pip install 'resilience[excel]'`), or a name that does
+                not end in .xlsx.
+            FileError: the system refuses.
+        """
+        from resilience.planning.reading.workbook import check_workbook, write_workbook
+
+        check_workbook(Path(path))
+        write_workbook(Path(path), self._sheets())
+        return Path(path)
+
+    def _sheets(self) -> dict[str, pd.DataFrame]:
+        import pandas as pd
+
+        from resilience.planning.reading.workbook import LEFT_OUT
+
+        names, units = [name for name in self.tables if name not in LEFT_OUT], table_units()
+        summary = self.summary().items()
+        rows = [(key, value) for key, value in summary if not isinstance(value, dict | list)]
+        rows += [(f"cost of {name}, $", spent) for name, spent in self.costs.items()]
+        rows += [(f"{name}, MWh", energy) for name, energy in self.energy_mwh.items()]
+        actions = {} if self.case is None else {"actions": self.actions()}
+        return {
+            "summary": pd.DataFrame(rows, columns=["quantity", "value"]),
+            "units": pd.DataFrame([(n, units[n]) for n in names], columns=["sheet", "holds"]),
+            **actions,
+            **{name: self.frame(name) for name in names},
+        }
 
     def save(self, folder: str | Path) -> Path:
         """Writes the plan; an earlier plan in the folder is replaced, anything else is refused.

@@ -19,6 +19,7 @@ from resilience.models.program.referee import Audit
 from resilience.planning.reading.instructions import Instruction, instructions
 from resilience.planning.tables import SlotTable, table_units
 from resilience.results import SUMMARY_FILE, ResultKind, write_readme, write_summary
+from resilience.shown import Shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,8 +141,8 @@ class Horizon:
 Record = TypeVar("Record", bound="DataclassInstance")
 
 
-@dataclass(frozen=True, kw_only=True)
-class CertifiedPlan:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class CertifiedPlan(Shown):
     """What every plan has; its parts can be read from the plan itself, as `plan.objective`.
 
     Attributes:

@@ -68,7 +68,7 @@ FILES = {
 """What a folder holds beside the tables of the common schedule."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ScenarioPlan(CertifiedPlan):
     """The common schedule, the recourse of every scenario, and what both are worth.
 

@@ -23,12 +23,13 @@ import numpy as np
 from resilience.arrays import Bools, Floats, Ints
 from resilience.errors import UsageError
 from resilience.files import replacing_file
+from resilience.shown import Shown
 
 COLUMNS = ("scenario", "line", "first", "stop")
 
 
-@dataclass(frozen=True, eq=False)
-class Scenarios:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenarios(Shown):
     """Outage paths.
 
     Attributes:
