@@ -12,6 +12,10 @@ HEAD = """\
 Data goes to stdout, progress and errors to stderr. The exit code is 0 only when a valid answer was
 given, 1 for a mistake in a case or a call, 2 for a command line that cannot be read.
 `NO_COLOR=1` switches colours off.
+
+`-h` or `--help` behind any command says what it takes, `resilience --version` which version it is.
+`resilience --install-completion` teaches your shell (bash, zsh, fish or PowerShell) to complete
+commands and options with the tab key; `--show-completion` prints what it would add.
 """
 
 

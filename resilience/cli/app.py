@@ -47,7 +47,6 @@ app = typer.Typer(
     name="resilience",
     cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Dispatch of a microgrid in a storm: plans with a proven bound, from one case file.",

@@ -29,6 +29,7 @@ PAGES = (
     "concepts/stochastic",
     "concepts/sddp",
     "concepts/evaluation",
+    "reference/api/cases",
     "reference/api/testing",
 )
 COMPONENTS = (ROOT / "resilience" / "models" / "components").glob("*.py")
