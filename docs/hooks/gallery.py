@@ -1,6 +1,7 @@
 """MkDocs hook: `gallery/NAME.md`, made from the executed notebook `docs/gallery/NAME.ipynb`."""
 
 import json
+import re
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 GALLERY = Path(__file__).parents[1] / "gallery"
+STYLE = re.compile(r"<style.*?</style>", re.DOTALL)
+"""What pandas says of its tables; the site has a style of its own."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -36,8 +39,9 @@ def shown(output: dict[str, Any]) -> str:
         picture = data["image/png"].replace("\n", "")
         return f'<img alt="what the program draws" src="data:image/png;base64,{picture}">'
     if "text/html" in data:
+        table = STYLE.sub("", data["text/html"])
+        table = table.replace(' border="1"', "").replace(' class="dataframe"', "")
         # A blank line would end the block of HTML.
-        lines = [line for line in data["text/html"].splitlines() if line.strip()]
-        return "\n".join(line.strip() for line in lines if "style scoped" not in line)
+        return "\n".join(line.strip() for line in table.splitlines() if line.strip())
     text = "".join(output.get("text", data.get("text/plain", "")))
     return f"<pre>{escape(text)}</pre>" if "```" in text else f"```text\n{text.rstrip()}\n```"

@@ -49,3 +49,5 @@ def test_a_page_has_every_text_and_program_of_its_notebook(name: str) -> None:
             assert cell["execution_count"]
     assert any(cell.get("outputs") for cell in notebook["cells"])
     assert "<script" not in text
+    assert "<style" not in text
+    assert ("data:image/png;base64," in text) == (name == "feeder")
