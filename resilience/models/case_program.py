@@ -13,6 +13,7 @@ from resilience.models.algebra import Labels
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.network.situation import Situation
+from resilience.models.program.cliques import Cliques
 from resilience.models.program.gate import cost_scale
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.program.unroll import unroll
@@ -44,6 +45,11 @@ class CaseProgram:
     def vectors(self) -> Vectors:
         """Cost, bounds and right-hand sides for the case's own data."""
         return self.standard.vectors(self.data, self.x0)
+
+    @property
+    def cliques(self) -> Cliques | None:
+        """Rows on products of voltages in loops, where a method asked for them."""
+        return None
 
     @property
     def slot_variables(self) -> Labels:

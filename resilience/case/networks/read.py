@@ -120,14 +120,17 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         v_min[i], v_max[i] = bus.v_min_pu or v_min[i], bus.v_max_pu or v_max[i]
     switchable, breakpoint_ = network.switchable.copy(), network.breakpoint.copy()
     rating, cost = network.rating_mva.copy(), network.switching_cost.copy()
+    in_service = network.in_service.copy()
     for line in lines:
         i = network.line(line.name)
+        in_service[i] = in_service[i] if line.in_service is None else line.in_service
         switchable[i], breakpoint_[i] = line.switchable, line.breakpoint
         rating[i], cost[i] = line.rating_mva or rating[i], line.switching_cost
     y_bus = network.y_bus_pu.copy()
     for name, (end, y_pu) in network.open_ended.items():
         # A line that the plan may close is whole or gone: then nothing of it hangs at one end.
-        y_bus[network.bus(end)] += 0.0 if switchable[network.line(name)] else y_pu
+        k = network.line(name)
+        y_bus[network.bus(end)] += 0.0 if switchable[k] or in_service[k] else y_pu
     return replace(
         network,
         y_bus_pu=y_bus,
@@ -136,6 +139,7 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         x_pu=network.x_pu * table.impedance_scale,
         v_min_pu=v_min,
         v_max_pu=v_max,
+        in_service=in_service,
         switchable=switchable,
         switching_cost=cost,
         breakpoint=breakpoint_,

@@ -109,6 +109,10 @@ class LineTable(Table):
     """`[[line]]`: says more about a line of the network, wherever the network comes from."""
 
     name: Name = Field(description="name of a line of the network")
+    in_service: bool | None = Field(
+        None,
+        description="true: closed at first, false: open; absent: as the network has it",
+    )
     breakpoint: bool = Field(False, description="true: storms can break the feeder here")
     switchable: bool = Field(False, description="true: the plan may open or close it")
     switching_cost: Money = Field(0.0, description="$ each time the plan opens or closes it")

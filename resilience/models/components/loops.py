@@ -66,11 +66,20 @@ def share(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> N
     stage.eq("line.angle", twist[first] - second_twist - gap)
 
 
-def close_loops(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> None:
-    """Lines of a loop have the angles of their buses between their ends."""
+def close_loops(
+    lines: LineData, stage: Stage, flow: tuple[Affine, Affine], v_sq: tuple[Affine, Affine]
+) -> None:
+    """Lines of a loop have the angles of their buses between their ends.
+
+    Args:
+        lines: all lines.
+        stage: to state it in.
+        flow: P and Q.
+        v_sq: squared voltages at both ends, the first behind the ratio.
+    """
     if lines.looped is None or lines.loop_shift is None or not lines.looped.any():
         return
-    rows = np.flatnonzero(lines.looped)
+    (p, q), (v_i, v_j), rows = flow, v_sq, np.flatnonzero(lines.looped)
     i, j = lines.from_bus[rows], lines.to_bus[rows]
     buses, names = np.unique([i, j]), tuple(lines.names[k] for k in rows)
     angle = stage["bus.angle"]
@@ -89,7 +98,7 @@ def close_loops(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine
         stage.eq("line.loop", labelled(theta - im * lines.tap[rows], names))
         return
     re = (v_i - p * lines.r - q * lines.x)[rows]
-    stage.angle("line.loop", labelled(theta, names), re, im)
+    stage.angle("line.loop", labelled(theta, names), re, im, (v_i[rows], v_j[rows]))
 
 
 def parallel(lines: LineData) -> tuple[Ints, Ints, Floats]:

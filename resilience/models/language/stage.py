@@ -243,9 +243,15 @@ class Stage:
         """`u * v = sum(x^2)` with u, v >= 0: the branch flow equation."""
         self.structure(Cone, name, (u, v, *xs))
 
-    def angle(self, name: str, theta: Affine, re: Affine, im: Affine) -> None:
-        """`theta = atan2(im, re)`, re >= 0, in rad: what closes the loops of a mesh."""
-        self.structure(Angle, name, (theta, re, im))
+    def angle(
+        self, name: str, theta: Affine, re: Affine, im: Affine, squares: tuple[Affine, Affine]
+    ) -> None:
+        """`theta = atan2(im, re)`, re >= 0, in rad: what closes the loops of a mesh.
+
+        `squares` are those of the two numbers that make re + j im, one times the conjugate of the
+        other: multiples of one column each, and for relaxations alone.
+        """
+        self.structure(Angle, name, (theta, re, im, *squares))
 
     def disc(self, name: str, radius: ArrayLike, *xs: Affine) -> None:
         """`|(x1, x2, ...)| <= radius`: inverter and line ratings."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,12 +22,17 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
 CLOSED_AT_A_PRICE = "cones were closed by a price on losses, which costs more than the bound"
+MAX_CUT_ROUNDS = 30
+CUT_SHARE = 0.3  # of the time limit, for rows on loops
+CUT_GAIN = 0.1  # of the gap wanted, by which a round has to raise the bound
+CUT_PATIENCE = 2  # rounds in a row that may raise it by less
 LOCAL = "Ipopt finds a local optimum, and the bound is that of the relaxation; minlp searches on"
 
 
@@ -46,6 +52,47 @@ def root(program: CaseProgram, options: MethodOptions, deadline: Deadline) -> So
     return solution
 
 
+def tightened(
+    program: CaseProgram,
+    solution: Solution,
+    options: MethodOptions,
+    deadline: Deadline,
+    enough: Callable[[float], bool] = lambda bound: False,
+) -> Solution:
+    """The relaxation with rows on cliques of loops, as long as they raise the bound.
+
+    Where the solver fails on the last of them they are taken back. Without loops nothing changes.
+
+    Args:
+        program: what is relaxed.
+        solution: without rows, or with those found so far.
+        options: says by how much a round has to raise the bound.
+        deadline: a share of it is spent.
+        enough: whether a bound is high enough.
+    """
+    cliques, bound, idle = program.cliques, solution.bound, 0
+    if cliques is None:
+        return solution
+    until_s = deadline.spent_s + CUT_SHARE * deadline.remaining_s
+    for k in range(MAX_CUT_ROUNDS):
+        before = cliques.rows, cliques.idle
+        if enough(bound) or idle == CUT_PATIENCE:
+            break
+        if cliques.separate(solution.point, RELAXATION_TOLERANCE) < RELAXATION_TOLERANCE:
+            break
+        with phase("conic relaxation", f"{len(cliques.rows[1])} rows on loops, round {k + 1}"):
+            seconds = until_s - deadline.spent_s
+            tighter = relaxation(program, program.vectors, seconds=seconds)
+        bound = max(bound, tighter.bound)
+        if tighter.z is None:
+            cliques.rows, cliques.idle = before
+            break
+        gain = gap(bound, solution.bound, cost_scale(program.vectors))
+        idle = idle + 1 if gain < CUT_GAIN * options.gap else 0
+        solution = replace(tighter, bound=bound)
+    return solution
+
+
 def relaxation(
     program: CaseProgram, vectors: Vectors, *, seconds: float = np.inf, penalty: float = 0.0
 ) -> Solution:
@@ -57,6 +104,8 @@ def relaxation(
         return NOTHING
     solver = Conic(program.standard, penalty=penalty, time_limit=seconds)
     solver.update(vectors)
+    if program.cliques is not None:
+        solver.add_rows(*program.cliques.rows)
     return solver.solve()
 
 
@@ -88,6 +137,9 @@ def ac_point(
     program: CaseProgram, start: Floats, vectors: Vectors, seconds: Callable[[], float]
 ) -> Solution:
     """The AC equations solved from `start`; a cold penalised start is tried where that fails."""
+    if program.cliques is not None:
+        # No equation knows the fill.
+        vectors = vectors.fixed(program.cliques.fill, start[program.cliques.fill])
     for penalty in (0.0, PENALTIES[0]):
         time_limit = seconds()
         if time_limit <= 0.0:
@@ -139,7 +191,7 @@ def with_all_held(
 def socp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Cones as u v >= sum(x^2), modes and integers relaxed: a bound, and often a plan."""
     deadline = options.deadline()
-    relaxed = root(program, options, deadline)
+    relaxed = tightened(program, root(program, options, deadline), options, deadline)
     best = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
     return MethodResult.from_solution(program, best, relaxed.bound, options.gap, CLOSED_AT_A_PRICE)
 
@@ -148,13 +200,29 @@ def nlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """The AC equations exactly, integers relaxed; broken modes are held to their larger side."""
     deadline = options.deadline()
     relaxed = root(program, options, deadline)
+    point = _ac_plan(program, relaxed, deadline)
+    scale = cost_scale(program.vectors)
+
+    def enough(bound: float) -> bool:
+        return gap(point.objective, bound, scale) <= options.gap
+
+    tighter = tightened(program, relaxed, options, deadline, enough)
+    if tighter is not relaxed and not enough(tighter.bound):
+        point = min(point, _ac_plan(program, tighter, deadline), key=lambda plan: plan.objective)
+    if point.z is None:
+        raise no_plan(program, "Ipopt", options, late=deadline.late)
+    return MethodResult.from_solution(program, point, tighter.bound, options.gap, LOCAL)
+
+
+def _ac_plan(program: CaseProgram, relaxed: Solution, deadline: Deadline) -> Solution:
+    """From a point of the relaxation to one of the AC equations that keeps modes, or nothing."""
     start = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
     point, vectors = start, with_modes_held(program, start, program.vectors)
-    while True:
+    while point.z is not None:
         point = ac_point(program, point.point, vectors, lambda: deadline.final_s)
         if point.z is None:
-            raise no_plan(program, "Ipopt", options, late=deadline.late)
+            break
         before, vectors = vectors, with_modes_held(program, point, vectors)
         if vectors is before:
             break
-    return MethodResult.from_solution(program, point, relaxed.bound, options.gap, LOCAL)
+    return point

@@ -3,7 +3,8 @@
 Outer approximation (Duran & Grossmann 1986) of the branch-flow model:
 
 1. SOCP with all binaries relaxed: the first bound, and tangents of all cones at its point. Without
-   cones, any commitment at all: a first plan.
+   cones, any commitment at all: a first plan. In a mesh, rows on cliques of its loops, as long as
+   they raise the bound and the gap is not small enough.
 2. MILP over the tangents so far, integers exact, cones relaxed: a commitment, and its dual bound is
    a bound for every commitment that was not cut off.
 3. Commitment fixed: SOCP, and Ipopt from its point where a cone stayed open: a plan.
@@ -37,7 +38,7 @@ from resilience.models.methods.answer import (
     idle_columns,
     with_integers_held,
 )
-from resilience.models.methods.conic import relaxation, root, with_all_held
+from resilience.models.methods.conic import relaxation, root, tightened, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
 from resilience.models.methods.start import any_point
 from resilience.models.program.gate import cost_scale, gap
@@ -129,11 +130,18 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     search = ConicSearch(program, options, options.deadline())
     first = root(program, options, search.deadline)
     search.bound = first.bound
-    search.rows.append(tangents(program.standard, first.point))
-    if fractional(program.standard, first.point).any():
-        _start(search)
-    else:
-        _plan(search, first, with_integers_held(program, first.point), first.point)
+    _begin(search, first)
+    tighter = tightened(
+        program,
+        first,
+        options,
+        search.deadline,
+        lambda bound: search.gap_of(search.best, bound) <= options.gap,
+    )
+    if tighter is not first:
+        search.learn(tighter.bound)
+        if not search.done:
+            _begin(search, tighter)
     reason = OUT_OF_ROUNDS
     for k in range(MAX_ROUNDS):
         if search.done:
@@ -147,6 +155,16 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     return MethodResult.from_solution(
         program, search.best, search.bound, options.gap, OUT_OF_TIME if late else reason
     )
+
+
+def _begin(search: ConicSearch, relaxed: Solution) -> None:
+    """Tangents at a point of the relaxation, and a plan from it."""
+    program, z = search.program, relaxed.point
+    search.rows.append(tangents(program.standard, z))
+    if not fractional(program.standard, z).any():
+        _plan(search, relaxed, with_integers_held(program, z), z)
+    elif search.best.z is None:
+        _start(search)
 
 
 def _start(search: ConicSearch) -> None:
@@ -186,8 +204,10 @@ def _round(search: ConicSearch, k: int) -> bool:
 def _commitment(search: ConicSearch) -> Solution:
     """The MILP over all tangents so far: its point, and a bound for what is not cut off."""
     lowered = lower(search.program.standard, modes=search.modes, discs="outer")
-    g = sp.vstack([rows for rows, _ in search.rows], format="csr")
-    h = np.concatenate([right for _, right in search.rows])
+    cliques = search.program.cliques
+    rows_so_far = [*search.rows, *([] if cliques is None else [cliques.rows])]
+    g = sp.vstack([rows for rows, _ in rows_so_far], format="csr")
+    h = np.concatenate([right for _, right in rows_so_far])
     seconds = search.milp_share * search.deadline.remaining_s
     if seconds <= 0.0:
         return NOTHING

@@ -88,6 +88,8 @@ def _structure(
 ) -> UnrolledStructure[Structure]:
     """A structure with every argument, and the limit that belongs to it, in its columns' unit."""
     units = [float(scale[m.indices].max(initial=0.0)) or 1.0 for m in unrolled.matrices]
+    if unrolled.structure.dimensionless:
+        units = [1.0 for _ in units]
     return replace(
         unrolled,
         matrices=tuple(

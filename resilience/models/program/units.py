@@ -14,6 +14,7 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors
+from resilience.models.structures import Angle
 
 POWERS_OF_BASE = {"MW": 1, "Mvar": 1, "MWh": 1, "m³": 1, "m³/h": 1, "pu": 2}
 """By unit of a variable, with which power of the base it grows; `pu` is a squared current."""
@@ -23,6 +24,8 @@ MONEY = -1
 """In place of a power of the base: a column in $."""
 USUAL_MW = 0.1, 1000.0
 """Largest powers between which MW are the right unit."""
+USUAL_MESHED_MW = 0.1, 100.0
+"""Likewise with angles: rows on loops have voltages beside powers."""
 USUAL_COST = 0.1, 1e5
 """Largest costs of a column, $, between which $ are the right unit."""
 
@@ -44,15 +47,19 @@ class Units:
         """Those that suit a program: powers of ten, 1 where that is near enough."""
         inside = np.ones(standard.n_columns, bool)
         inside[standard.future] = False
-        return cls.of_columns(
-            dimensions(standard)[inside], v.cost[inside], v.lower[inside], v.upper[inside]
-        )
+        dimension, cost = dimensions(standard)[inside], v.cost[inside]
+        lower, upper = v.lower[inside], v.upper[inside]
+        if not standard.structures_of(Angle):
+            return cls.of_columns(dimension, cost, lower, upper)
+        base = _power_of_ten(_largest(dimension, lower, upper), USUAL_MESHED_MW)
+        # With the base prices grow, too: they stay what they are per MW.
+        per_mw = np.abs(cost)[dimension != MONEY].max(initial=0.0)
+        return cls(base, base * _power_of_ten(float(per_mw), USUAL_COST))
 
     @classmethod
     def of_columns(cls, dimension: Ints, cost: Floats, lower: Floats, upper: Floats) -> Units:
         """Those that suit columns (columns,), see `dimensions`, with these costs and bounds."""
-        ends = np.maximum(*(np.where(np.isfinite(x), np.abs(x), 0.0) for x in (lower, upper)))
-        base = _power_of_ten(float(ends[dimension == POWER].max(initial=0.0)), USUAL_MW)
+        base = _power_of_ten(_largest(dimension, lower, upper), USUAL_MW)
         # Of a column in $ the cost is 1 in any currency: it tells nothing.
         per_unit = np.abs(cost * cls(base).sizes(dimension))[dimension != MONEY]
         return cls(base, _power_of_ten(float(per_unit.max(initial=0.0)), USUAL_COST))
@@ -61,6 +68,12 @@ class Units:
         """What one unit of columns (columns,), see `dimensions`, is in MW, MWh, $ and so on."""
         power = np.where(dimension == MONEY, 0, dimension)
         return np.where(dimension == MONEY, self.cost, self.base_mw**power)
+
+
+def _largest(dimension: Ints, lower: Floats, upper: Floats) -> float:
+    """The largest power that columns (columns,) can have."""
+    ends = np.maximum(*(np.where(np.isfinite(x), np.abs(x), 0.0) for x in (lower, upper)))
+    return float(ends[dimension == POWER].max(initial=0.0))
 
 
 def _power_of_ten(size: float, usual: tuple[float, float]) -> float:

@@ -43,6 +43,8 @@ class Structure(ABC):
     """What such a thing is called in messages."""
     complaint: ClassVar[str]
     """What is said of elements that do not hold, behind their number."""
+    dimensionless: ClassVar[bool] = False
+    """Whether its arguments are the same numbers whatever the unit of power."""
 
     def __post_init__(self) -> None:
         if any(arg.n != self.args[0].n for arg in self.args):

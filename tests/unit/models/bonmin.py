@@ -29,7 +29,7 @@ class Bonmin(NLP):
     integers = True
     plugin = "bonmin"
 
-    def _options(self, free: Ints, seconds: float) -> dict[str, Any]:
+    def _options(self, free: Ints, seconds: float, push: float | None) -> dict[str, Any]:
         settings: dict[str, Any] = {"algorithm": ALGORITHM, "print_level": 0, "bb_log_level": 0}
         if np.isfinite(seconds):
             settings["time_limit"] = seconds
