@@ -58,6 +58,7 @@ class NLP:
         standard: the program.
         time_limit: seconds per solve, building included.
         penalty: see `Conic`.
+        tolerance: by how much a row may be missed.
     """
 
     exact: frozenset[type[Structure]] = frozenset({Disc, Cone, Angle, Largest})
@@ -66,9 +67,15 @@ class NLP:
     plugin = "ipopt"
 
     def __init__(
-        self, standard: Standard, *, time_limit: float = np.inf, penalty: float = 0.0
+        self,
+        standard: Standard,
+        *,
+        time_limit: float = np.inf,
+        penalty: float = 0.0,
+        tolerance: float = NLP_TOLERANCE,
     ) -> None:
         self.standard, self.time_limit, self.penalty = standard, time_limit, penalty
+        self.tolerance = tolerance
         refuse_unknown(standard, "a nonlinear program", self.exact | self.relaxed)
         self.start: Floats | None = None
         self._cuts = LeafCuts(standard)
@@ -157,7 +164,7 @@ class NLP:
             "print_level": 0,
             "sb": "yes",
             "tol": NLP_TOLERANCE,
-            "constr_viol_tol": NLP_TOLERANCE,
+            "constr_viol_tol": self.tolerance,
             "compl_inf_tol": COMPLEMENTARITY_TOLERANCE,
             "bound_relax_factor": 0.0,
             "max_iter": 500,

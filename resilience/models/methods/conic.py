@@ -22,13 +22,15 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.units import RescaledStandard
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
-from resilience.tolerances import RELAXATION_TOLERANCE
+from resilience.tolerances import NLP_TOLERANCE, RELAXATION_TOLERANCE
 
 PENALTIES = (1e-3, 1e-2)  # $ per MW of loss and slot, tried until the cones are closed
 CLOSED_AT_A_PRICE = "cones were closed by a price on losses, which costs more than the bound"
+FINEST = 1e-11  # that Ipopt can miss rows by
 MAX_CUT_ROUNDS = 30
 CUT_SHARE = 0.3  # of the time limit, for rows on loops
 CUT_GAIN = 0.1  # of the gap wanted, by which a round has to raise the bound
@@ -144,7 +146,12 @@ def ac_point(
         time_limit = seconds()
         if time_limit <= 0.0:
             break
-        solver = NLP(program.standard, time_limit=time_limit, penalty=penalty)
+        solver = NLP(
+            program.standard,
+            time_limit=time_limit,
+            penalty=penalty,
+            tolerance=_row_tolerance(program),
+        )
         solver.update(vectors)
         if not penalty:
             solver.start_from(start)
@@ -153,6 +160,13 @@ def ac_point(
         if solution.z is not None:
             return solution
     return NOTHING
+
+
+def _row_tolerance(program: CaseProgram) -> float:
+    """What rows may be missed by: products of powers are larger in MW by the square of the base."""
+    standard = program.standard
+    base_mw = standard.base_mw if isinstance(standard, RescaledStandard) else 1.0
+    return max(NLP_TOLERANCE / max(base_mw, 1.0) ** 2, FINEST)
 
 
 def with_modes_held(program: CaseProgram, solution: Solution, vectors: Vectors) -> Vectors:
