@@ -58,7 +58,7 @@ def pglib(name: str) -> Case:
         for row in tables["bus"]
         if row[2] or row[3]
     ]
-    document = {
+    document: dict[str, Any] = {
         "name": name,
         "network": {"file": str(path)},
         "time": {"start": datetime(2020, 1, 1), "slots": 1, "step_min": 60},
