@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from resilience.planning.scenario_options import ScenarioOptions
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
-    from resilience.plots.feeder.picture import plot_map
     from resilience.planning.sweep import sweep
+    from resilience.plots.feeder.picture import plot_map
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.learning import plot_learning
     from resilience.plots.plan import plot_plan

@@ -101,7 +101,7 @@ def test_the_cone_relaxation_has_the_published_gap(name: str) -> None:
     _, polar, percent = AC[name]
     program = horizon(pglib(name), "distflow")
     units = Units.of_program(program.standard, program.vectors)
-    program, _ = rescaled(program, units)
+    program, *_ = rescaled(program, units)
     bound = relaxation(program, program.vectors).bound * units.cost
     assert 100.0 * (1.0 - bound / polar) == pytest.approx(percent, abs=0.02)
 
