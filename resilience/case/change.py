@@ -21,7 +21,13 @@ from resilience.errors import UsageError, did_you_mean, shortened
 
 _HORIZON = ("start", "slots", "step_min")
 _TABLES = {"outage", "geography", "storm", "blackout"}
-_HEAD = ("name", "description", "terminal_value_per_mwh", "reserve_price_per_mwh")
+_HEAD = (
+    "name",
+    "description",
+    "terminal_value_per_mwh",
+    "loss_cost_per_mwh",
+    "reserve_price_per_mwh",
+)
 
 
 def replace_case(case: Case, changes: dict[str, Any], build: Callable[[Document], Case]) -> Case:

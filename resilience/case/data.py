@@ -76,6 +76,7 @@ class Case(Shown):
         tank: fuel that generators share.
         outages: to plan for.
         terminal_value_per_mwh: credit for energy stored at the end.
+        loss_cost_per_mwh: of what is lost in wires, besides what feeding it in costs.
         reserve_price_per_mwh: of being short of the storm reserve; None: from other prices.
         source: the merged case file as plain data.
         rebuild: reads the file again with changes; whoever reads cases gives itself.
@@ -100,6 +101,7 @@ class Case(Shown):
     tank: tuple[TankTable, ...]
     outages: tuple[Outage, ...]
     terminal_value_per_mwh: float
+    loss_cost_per_mwh: float
     reserve_price_per_mwh: float | None
     source: dict[str, Any]
     rebuild: Callable[[Case, dict[str, Any]], Case] = field(repr=False)
@@ -355,6 +357,7 @@ class Case(Shown):
             all(getattr(self, key) == getattr(other, key) for key in plain)
             and all(self.devices.get(kind) == other.devices.get(kind) for kind in DEVICES)
             and self.terminal_value_per_mwh == other.terminal_value_per_mwh
+            and self.loss_cost_per_mwh == other.loss_cost_per_mwh
             and self.reserve_price_per_mwh == other.reserve_price_per_mwh
             and self.network.equals(other.network)
             and repr(self.storm)

@@ -136,6 +136,7 @@ def build_case(document: Document) -> Case:
         places=parts.places,
         omissions=parts.omissions,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
+        loss_cost_per_mwh=head.loss_cost_per_mwh,
         reserve_price_per_mwh=head.reserve_price_per_mwh,
         source=document.data,
         rebuild=_rebuild,

@@ -25,6 +25,7 @@ def case_text(case: Case) -> str:
         "name": case.name,
         "description": case.description,
         "terminal_value_per_mwh": case.terminal_value_per_mwh,
+        "loss_cost_per_mwh": case.loss_cost_per_mwh,
         "outages": outage_texts(case.outages, case.window),
         "network": case.source["network"],
         "line": [plain(line) for line in case.line],

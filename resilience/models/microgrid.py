@@ -228,6 +228,7 @@ class Microgrid:
             v_min=buses.v_min_pu if buses else None,
             v_max=buses.v_max_pu if buses else None,
             losses=self.physics == "distflow",
+            loss_cost_per_mwh=self.case.loss_cost_per_mwh,
             may_be_dark=network.is_charged,
             looped=self._looped if buses else None,
             loop_shift=np.angle(mismatch(network)) if buses else None,

@@ -246,6 +246,11 @@ class HeadTable(Table):
     description: str = Field("", description="what it is, for people")
     extends: str | None = Field(None, description="name or path of a case that this one varies")
     terminal_value_per_mwh: Price = Field(0.0, description="credit for energy stored at the end")
+    loss_cost_per_mwh: Money = Field(
+        0.0,
+        description="of what is lost in wires, on top of what feeding it in costs; only with "
+        "`distflow`",
+    )
     reserve_price_per_mwh: float | None = Field(
         None,
         description="price of being short of the storm reserve of `mpc`, per MWh, between the "

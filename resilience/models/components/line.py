@@ -26,7 +26,8 @@ A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves th
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
 switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
 is a disc of what leaves or reaches the buses, charging included, at both ends; without voltages,
-$|P| \le S$.
+$|P| \le S$. What is lost between the two buses costs `loss_cost_per_mwh` of the case, besides what
+feeding it in costs; without losses, nothing.
 
 $\overline{F}$, $\overline{\ell}$ and $\overline{\sigma}$ are there for solvers: 1.1 times what
 devices and the voltage bands of the two ends allow at all (`resilience.models.network.limits`, and
@@ -94,6 +95,8 @@ class Lines(LineData):
         close_loops(self, stage, (p, q), (v_i, v_j))
         p_sent, q_sent = self._charged(stage, "from", (p, q), v_i, status)
         p_end, q_end = self._charged(stage, "to", (p_end, q_end), v_j, status)
+        if self.losses and self.loss_cost_per_mwh:
+            stage.cost("line.losses", p_sent - p_end, self.loss_cost_per_mwh * stage.dt)
         rated = np.isfinite(self.rating)
         self._rate(stage, "line.rating", p_sent, q_sent, rated)
         charged = (self.y_from != 0.0) | (self.y_to != 0.0)

@@ -31,6 +31,7 @@ class LineData:
         v_min, v_max: (buses,) lowest and highest voltage, pu; None where there are no voltages, and
             a rating is a bound in place of a disc.
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
+        loss_cost_per_mwh: of what is lost, besides what feeding it in costs.
         may_be_dark: a dead island has no voltage; elsewhere it means nothing there.
         looped: (lines,) those in a loop; None where the network is radial.
         loop_shift: (lines,) phase shift that is left of each round its loop, rad.
@@ -54,6 +55,7 @@ class LineData:
     v_min: Floats | None
     v_max: Floats | None
     losses: bool
+    loss_cost_per_mwh: float = 0.0
     may_be_dark: bool = False
     looped: Bools | None = None
     loop_shift: Floats | None = None
