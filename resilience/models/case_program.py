@@ -52,6 +52,21 @@ class CaseProgram:
         return None
 
     @property
+    def in_mw(self) -> CaseProgram:
+        """The program in MW and $: itself, unless it was put into other units."""
+        return self
+
+    @property
+    def column_unit(self) -> Floats | float:
+        """(columns,) or 1: what one unit of each column is there."""
+        return 1.0
+
+    @property
+    def cost_unit(self) -> float:
+        """What one unit of its cost is there, $."""
+        return 1.0
+
+    @property
     def slot_variables(self) -> Labels:
         """`ess.charge[ess1]`, ...: every variable of a slot."""
         blocks = self.standard.form.own_blocks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.minlp import ConicSearch, begin, branch
+from resilience.models.methods.trees import can_branch
 from resilience.models.program.gate import cost_scale, gap
 from resilience.progress import phase
 from resilience.tolerances import EXACT_GAP
@@ -69,7 +71,8 @@ class ScipSearch:
 def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
     """Global optimum of the AC model to a gap of 1e-5, whatever gap is asked for.
 
-    Cones are held as u v >= sum(x^2), integers exactly, and modes where the answer breaks them.
+    Where all decisions are switches, branch and bound over trees comes first. Then SCIP searches:
+    cones are held as u v >= sum(x^2), integers exactly, and modes where the answer breaks them.
     With integers and modes as found, the conic program and if need be Ipopt close the cones. If
     that costs nothing, the plan is optimal. Otherwise SCIP searches again with everything exact
     and cones as equalities, which is slow.
@@ -85,7 +88,9 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
             hint='pip install "resilience[exact]"',
         )
     search = ScipSearch(program, options.deadline())
-    while _held_more_modes(search):
+    if can_branch(program.in_mw):
+        _branch_first(search, options)
+    while not search.done and _held_more_modes(search):
         pass
     if not search.done:
         with phase("SCIP", "AC equations"):
@@ -97,6 +102,16 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
         raise no_plan(program, "SCIP", options, late=search.deadline.late)
     reason = OUT_OF_TIME if search.deadline.late else NOTHING_NEW
     return MethodResult.from_solution(program, search.best, search.bound, EXACT_GAP, reason)
+
+
+def _branch_first(search: ScipSearch, options: MethodOptions) -> None:
+    """Branch and bound over trees in the first half of the time; often that is all it takes."""
+    half = replace(search.deadline, limit_s=0.5 * search.deadline.limit_s)
+    trees = ConicSearch(search.program, replace(options, gap=EXACT_GAP), half)
+    begin(trees)
+    branch(trees)
+    search.bound = max(search.bound, trees.bound)
+    search.offer(trees.best)
 
 
 def _held_more_modes(search: ScipSearch) -> bool:

@@ -32,6 +32,7 @@ from resilience.models.methods.explain import conflict, infeasible, no_plan
 from resilience.models.methods.large import LONG_COLUMNS, first_polygons, without_polygon
 from resilience.models.methods.start import any_point, has_switches, with_switches_held
 from resilience.models.methods.tidy import with_least_circulation
+from resilience.models.methods.trees import better_switches
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Cone, Disc, Discs
@@ -41,6 +42,7 @@ from resilience.tolerances import RELAXATION_TOLERANCE
 Rows = tuple[sp.csr_array, Floats]
 MAX_ROUNDS = 30  # tangents alone converge in about nine
 START_SHARE = 0.25  # of the time that remains, for a first point without switching
+EXCHANGE_SHARE = 0.1  # likewise, for trees that exchanges improve
 
 
 @dataclass
@@ -57,6 +59,7 @@ class LinearSearch:
         best: the best plan so far.
         polygons: for the index of each structure of discs, the elements (n,) that have polygons.
         last: the last linear program of many columns that was solved.
+        relaxation: the linear program without integers, where it was solved.
         rows: tangents of discs, G z <= h, where the polygons around them were exceeded.
     """
 
@@ -69,6 +72,7 @@ class LinearSearch:
     best: Solution = NOTHING
     polygons: dict[int, Bools] = field(init=False)
     last: Highs | None = None
+    relaxation: Solution = NOTHING
     rows: list[Rows] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -198,7 +202,8 @@ def _relaxed_bound(search: LinearSearch) -> float:
     """The bound of the linear relaxation, for a tree search that ends without a better one."""
     relaxed = replace(search, integer="none", modes={})
     solver = relaxed.solver(search.program.vectors)
-    return solver.certified_bound(search.solve(solver, search.seconds))
+    search.relaxation = search.solve(solver, search.seconds)
+    return solver.certified_bound(search.relaxation)
 
 
 def _relaxed(search: LinearSearch) -> Solution:
@@ -209,10 +214,9 @@ def _relaxed(search: LinearSearch) -> Solution:
     program = search.program
     solver = search.solver(program.vectors)
     if solver.is_mip and has_switches(program):
-        seconds = START_SHARE * search.deadline.remaining_s
-        unswitched = search.solve(search.solver(with_switches_held(program)), seconds)
-        if unswitched.z is not None:
-            solver.start_from(unswitched.z)
+        start = _switched_start(search)
+        if start.z is not None:
+            solver.start_from(start.z)
     seconds = search.deadline.remaining_s if solver.is_mip else search.seconds
     relaxed = search.solve(solver, seconds)
     if relaxed.status == "infeasible":
@@ -222,6 +226,25 @@ def _relaxed(search: LinearSearch) -> Solution:
     if relaxed.z is None and not search.deadline.late:
         raise no_plan(program, "HiGHS", search.options, late=False)
     return relaxed
+
+
+def _switched_start(search: LinearSearch) -> Solution:
+    """The better of two plans: with switches as at the start, and with the trees that exchanges
+    make of the relaxation, or of that plan.
+    """
+    program, deadline = search.program, search.deadline
+    unswitched = search.solver(with_switches_held(program))
+    start = search.solve(unswitched, START_SHARE * deadline.remaining_s)
+    z = start.z if search.relaxation.z is None else search.relaxation.z
+    if z is None:
+        return start
+    closed = better_switches(program, z, EXCHANGE_SHARE * deadline.remaining_s)
+    if closed is None:
+        return start
+    columns = program.standard.columns("line.closed")
+    exchanged = search.solver(program.vectors.fixed(columns.ravel(), closed.ravel()))
+    trial = search.solve(exchanged, START_SHARE * deadline.remaining_s)
+    return min(start, trial, key=lambda solution: solution.objective)
 
 
 def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> Solution:

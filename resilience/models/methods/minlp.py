@@ -3,8 +3,10 @@
 Outer approximation (Duran & Grossmann 1986) of the branch-flow model:
 
 1. SOCP with all binaries relaxed: the first bound, and tangents of all cones at its point. Without
-   cones, any commitment at all: a first plan. In a mesh, rows on cliques of its loops, as long as
-   they raise the bound and the gap is not small enough.
+   cones, any commitment at all: a first plan. Switches begin as branch exchange has them, and
+   where there is nothing else to decide, branch and bound over trees (`trees`) comes next. In a
+   mesh, rows on cliques of its loops, as long as they raise the bound and the gap is not small
+   enough.
 2. MILP over the tangents so far, integers exact, cones relaxed: a commitment, and its dual bound is
    a bound for every commitment that was not cut off.
 3. Commitment fixed: SOCP, and Ipopt from its point where a cone stayed open: a plan.
@@ -40,13 +42,15 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, root, tightened, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.methods.start import any_point
+from resilience.models.methods.start import any_point, has_switches
+from resilience.models.methods.trees import TreeBranching, better_switches, can_branch
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
 from resilience.progress import phase
 from resilience.tolerances import RELAXATION_TOLERANCE
 
 MAX_ROUNDS = 20
+EXCHANGE_SHARE = 0.2  # of the time that remains that a search for trees may take
 MILP_SHARE = 0.5  # of the time that remains that one MILP may take
 
 
@@ -128,20 +132,9 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
         SolverError: no plan was found in time.
     """
     search = ConicSearch(program, options, options.deadline())
-    first = root(program, options, search.deadline)
-    search.bound = first.bound
-    _begin(search, first)
-    tighter = tightened(
-        program,
-        first,
-        options,
-        search.deadline,
-        lambda bound: search.gap_of(search.best, bound) <= options.gap,
-    )
-    if tighter is not first:
-        search.learn(tighter.bound)
-        if not search.done:
-            _begin(search, tighter)
+    begin(search)
+    if not search.done and can_branch(program.in_mw):
+        branch(search)
     reason = OUT_OF_ROUNDS
     for k in range(MAX_ROUNDS):
         if search.done:
@@ -157,22 +150,95 @@ def minlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
     )
 
 
-def _begin(search: ConicSearch, relaxed: Solution) -> None:
+def begin(search: ConicSearch) -> None:
+    """The first bound, and the first plan.
+
+    Raises:
+        InfeasibleError: naming what is in conflict.
+        SolverError: the relaxation was not solved.
+    """
+    program, options = search.program, search.options
+    first = root(program, options, search.deadline)
+    search.bound = first.bound
+    _begin_at(search, first)
+    tighter = tightened(
+        program,
+        first,
+        options,
+        search.deadline,
+        lambda bound: search.gap_of(search.best, bound) <= options.gap,
+    )
+    if tighter is not first:
+        search.learn(tighter.bound)
+        if not search.done:
+            _begin_at(search, tighter)
+
+
+def _begin_at(search: ConicSearch, relaxed: Solution) -> None:
     """Tangents at a point of the relaxation, and a plan from it."""
     program, z = search.program, relaxed.point
     search.rows.append(tangents(program.standard, z))
     if not fractional(program.standard, z).any():
         _plan(search, relaxed, with_integers_held(program, z), z)
     elif search.best.z is None:
-        _start(search)
+        _start(search, relaxed)
 
 
-def _start(search: ConicSearch) -> None:
-    """A first plan, from any commitment. Its tangents would slow the MILP more than they help."""
+def _start(search: ConicSearch, first: Solution) -> None:
+    """A first plan, from any commitment, with the best trees that exchanges make of the relaxation.
+
+    Its tangents would slow the MILP more than they help.
+    """
+    program = search.program
+    if has_switches(program) and _exchange(search, first.point):
+        return
+    _commit(search, None)
+
+
+def _exchange(search: ConicSearch, z: Floats) -> bool:
+    """Plans with better trees for the powers at z, and for those of each plan; False without any.
+
+    Other devices may do something else with other trees, so it is done again as long as it helps.
+    """
+    program, tried = search.program, set[bytes]()
+    while search.seconds() > 0.0:
+        with phase("branch exchange"):
+            closed = better_switches(program, z, EXCHANGE_SHARE * search.seconds())
+        if closed is None or closed.tobytes() in tried:
+            break
+        tried.add(closed.tobytes())
+        before = search.best.objective
+        columns = program.standard.columns("line.closed")
+        _commit(search, program.vectors.fixed(columns.ravel(), closed.ravel()))
+        if search.best.objective >= before:
+            break
+        z = search.best.point
+    return search.best.z is not None
+
+
+def branch(search: ConicSearch) -> None:
+    """Branch and bound over the trees of switches, where there is nothing else to decide."""
+    program, dollars = search.program, search.program.cost_unit
+    columns = program.standard.columns("line.closed").ravel()
+
+    def cutoff() -> float:
+        best = search.best.objective
+        return np.inf if best == np.inf else dollars * (best - 0.5 * search.options.gap * abs(best))
+
+    branching = TreeBranching(program.in_mw, lambda: search.deadline.remaining_s)
+    with phase("branch and bound", "trees"):
+        for bound, closed in branching.leaves(cutoff):
+            search.floor = min(search.floor, bound / dollars)
+            _commit(search, program.vectors.fixed(columns, closed.ravel().astype(float)))
+    search.learn(min(branching.bound / dollars, search.best.objective))
+
+
+def _commit(search: ConicSearch, switched: Vectors | None) -> None:
+    """A plan from any commitment at all, switches as `switched` holds them, or as at the start."""
     program = search.program
     with phase("commitment", "any"):
         lowered = lower(program.standard, modes={}, discs="outer")
-        chosen = any_point(program, lowered, search.seconds())
+        chosen = any_point(program, lowered, search.seconds(), switched)
     if chosen.status == "infeasible":
         raise infeasible(program)
     if chosen.z is None:

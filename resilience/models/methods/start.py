@@ -21,7 +21,9 @@ def has_switches(program: CaseProgram) -> bool:
     return program.standard.has("line.closed")
 
 
-def any_point(program: CaseProgram, lowered: Lowered, seconds: float) -> Solution:
+def any_point(
+    program: CaseProgram, lowered: Lowered, seconds: float, switched: Vectors | None = None
+) -> Solution:
     """A point that holds what is lowered, found soon rather than good; no bound.
 
     Its status is infeasible where that is proven, which a held topology never can.
@@ -30,11 +32,14 @@ def any_point(program: CaseProgram, lowered: Lowered, seconds: float) -> Solutio
         program: what it is to be a point of.
         lowered: what it has to hold.
         seconds: that the search may take; without any it is not begun.
+        switched: vectors with a topology held; that of the start if omitted.
     """
     if seconds <= 0.0:
         return NOTHING
     solver = Highs(lowered, time_limit=seconds, gap=FALLBACK_GAP)
-    solver.update(with_switches_held(program) if has_switches(program) else program.vectors)
+    if switched is None:
+        switched = with_switches_held(program) if has_switches(program) else program.vectors
+    solver.update(switched)
     solution = solver.solve()
     if solution.status == "infeasible" and not has_switches(program):
         return solution
@@ -56,7 +61,7 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     patterns, pattern = np.unique(situation.line_up, axis=1, return_inverse=True)
     separate = program.microgrid.separate_grids
     status = [
-        _forest(ends, order[up[order]], closed, situation.forming, separate)[switched]
+        spanning_forest(ends, order[up[order]], closed, situation.forming, separate)[switched]
         for up in patterns.T
     ]
     alive = situation.alive[network.from_bus[switched]]
@@ -65,7 +70,9 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     return program.vectors.fixed(columns.ravel(), values.ravel())
 
 
-def _forest(ends: Ints, order: Ints, closed: Bools, forming: Bools, separate: Bools) -> Bools:
+def spanning_forest(
+    ends: Ints, order: Ints, closed: Bools, forming: Bools, separate: Bools
+) -> Bools:
     """(lines,) a forest over the lines in `order`.
 
     Those that are `closed` join it where they close no cycle, others only where they join to a

@@ -43,9 +43,33 @@ class RescaledProgram(CaseProgram):
 
     Attributes:
         rescaled: its numbers.
+        original: the program in MW and $.
+        scale: (columns,) what one unit of each column is.
+        units: likewise of everything.
     """
 
     rescaled: Vectors | None = None
+    original: CaseProgram | None = None
+    scale: Floats | None = None
+    units: Units | None = None
+
+    @property
+    def in_mw(self) -> CaseProgram:
+        """The original."""
+        assert self.original is not None
+        return self.original
+
+    @property
+    def column_unit(self) -> Floats | float:
+        """(columns,) what one unit of each column is."""
+        assert self.scale is not None
+        return self.scale
+
+    @property
+    def cost_unit(self) -> float:
+        """What one unit of its cost is, $."""
+        assert self.units is not None
+        return self.units.cost
 
     @cached_property
     def vectors(self) -> Vectors:
@@ -80,7 +104,10 @@ def rescaled(program: CaseProgram, units: Units) -> tuple[CaseProgram, Floats, F
     )
     of_program = {f: getattr(program, f) for f in CaseProgram.__dataclass_fields__}
     of_program["standard"] = RescaledStandard(**fields, base_mw=units.base_mw)
-    return RescaledProgram(**of_program, rescaled=numbers), scale, rows
+    changed = RescaledProgram(
+        **of_program, rescaled=numbers, original=program, scale=scale, units=units
+    )
+    return changed, scale, rows
 
 
 def _structure(
