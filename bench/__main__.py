@@ -30,6 +30,7 @@ from bench.row import Row
 from bench.sddp import training
 from bench.simulator import stepping
 from bench.stochastic import programs
+from bench.trees import trees
 from bench.wind import fields
 
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {
@@ -49,6 +50,7 @@ PARTS: dict[str, Callable[[], Iterator[Row]]] = {
     "judging": judging,
     "quality": quality,
     "stochastic": programs,
+    "trees": trees,
     "wind": fields,
     "hazard": hazards,
 }
