@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from resilience.pages.write import write_page
     from resilience.planning.ac_check import ac_check_plan
     from resilience.planning.plan import Plan, load_plan
-    from resilience.planning.scenario_options import ScenarioOptions
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
     from resilience.planning.sweep import sweep
+    from resilience.planning.two_stage.scenario_options import ScenarioOptions
     from resilience.plots.feeder.picture import plot_map
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.learning import plot_learning

@@ -34,7 +34,6 @@ from resilience.planning.reading.causes import shed_causes
 from resilience.planning.reading.fuel import fuel_notes
 from resilience.planning.reading.reasons import shed_by_reason, shed_loads
 from resilience.planning.records import Certificate, Costs, Horizon
-from resilience.planning.scenario_options import ScenarioOptions
 from resilience.planning.tables import (
     SlotTable,
     balance,
@@ -42,6 +41,7 @@ from resilience.planning.tables import (
     tabulate,
     trip_notes,
 )
+from resilience.planning.two_stage.scenario_options import ScenarioOptions
 from resilience.progress import phase, stopwatch
 from resilience.results import PLAN, SCENARIO_PLAN, ResultKind
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP

@@ -28,7 +28,6 @@ from resilience.planning.scenario_methods import (
     solve_scenario_program,
     wait_and_see,
 )
-from resilience.planning.scenario_options import ScenarioOptions
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_program import (
     DistinctScenarios,
@@ -36,6 +35,7 @@ from resilience.planning.scenario_program import (
     scenario_program,
 )
 from resilience.planning.tables import SlotTable, copperplate_notes
+from resilience.planning.two_stage.scenario_options import ScenarioOptions
 from resilience.planning.unreduced import on_all_scenarios
 from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from resilience.case import Case
-    from resilience.planning.reading.first_failures import FirstFailure
+    from resilience.planning.first_failures import FirstFailure
     from resilience.planning.reading.instructions import Instruction
     from resilience.planning.tables import SlotTable
 

@@ -11,7 +11,7 @@ from rich.text import Text
 from resilience.arrays import Floats
 from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
-from resilience.planning.reading.first_failures import first_failures
+from resilience.planning.first_failures import first_failures
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_records import Unreduced
 from resilience.text.actions import action_list, failure_table, schedule, when

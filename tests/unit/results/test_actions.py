@@ -12,8 +12,8 @@ from rich.console import Console
 import resilience as rs
 from resilience.case import Case
 from resilience.errors import UsageError
+from resilience.planning.first_failures import first_failures
 from resilience.planning.plan import load_plan
-from resilience.planning.reading.first_failures import first_failures
 from resilience.planning.reading.instructions import instructions
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
