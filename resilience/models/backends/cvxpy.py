@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import time
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import (
     INFEASIBLE,
     NOTHING,
@@ -59,6 +60,8 @@ class Conic:
         penalty: weight of the program's penalty (losses) on top of the cost; it closes cones and
             takes no part in the objective, but voids the bound, which is then -inf.
         elastic: lets every row be missed at this price in $ per unit; for explanations.
+        discs: for the index of each structure of discs, the elements (n,) that are held, the others
+            being relaxed; all of them if omitted.
     """
 
     exact: frozenset[type[Structure]] = frozenset({Disc, Largest})
@@ -72,11 +75,16 @@ class Conic:
         time_limit: float = np.inf,
         penalty: float = 0.0,
         elastic: float | None = None,
+        discs: Mapping[int, Bools] | None = None,
     ) -> None:
         self.standard, self.time_limit = standard, time_limit
         self.penalty, self.elastic = penalty, elastic
         refuse_unknown(standard, "the conic relaxation", self.exact | self.relaxed)
-        self._second_order = standard.structures_of(SecondOrder)
+        self._second_order = {
+            k: (unrolled, elements)
+            for k, unrolled in standard.structures_of(SecondOrder).items()
+            if len(elements := _chosen(unrolled.n, discs, k))
+        }
         self._cuts = LeafCuts(standard)
         self._rows = sp.csr_array((0, standard.n_columns)), np.empty(0)
 
@@ -173,8 +181,9 @@ class Conic:
             x >= v.lower[free],
             x <= v.upper[free],
         ]
-        for unrolled in self._second_order.values():
-            matrices, consts = unrolled.structure.second_order(unrolled)
+        for unrolled, elements in self._second_order.values():
+            chosen = unrolled if len(elements) == unrolled.n else unrolled.elements(elements)
+            matrices, consts = chosen.structure.second_order(chosen)
             t, *xs = [
                 m.tocsc()[:, free] @ x + (m @ fixed + c)
                 for m, c in zip(matrices, consts, strict=True)
@@ -208,9 +217,12 @@ class Conic:
         rows = np.zeros(len(equal))
         rows[equal], rows[~equal] = (c.dual_value for c in constraints[:2])
         cones: dict[int, Floats] = {}
-        for k, constraint in zip(self._second_order, constraints[4:], strict=True):
+        chosen = self._second_order.items()
+        for (k, (unrolled, elements)), constraint in zip(chosen, constraints[4:], strict=True):
             t, xs = constraint.dual_value
-            cones[k] = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
+            multipliers = np.vstack([np.asarray(t).reshape(1, -1), np.asarray(xs)])
+            cones[k] = np.zeros((len(multipliers), unrolled.n))
+            cones[k][:, elements] = multipliers
         return Duals(rows, cones)
 
     def conflict(self) -> list[str]:
@@ -233,3 +245,8 @@ class Conic:
         return [
             self.standard.row_name(int(i)) for i in worst_rows if missed[i] > CONFLICT_TOLERANCE
         ]
+
+
+def _chosen(n: int, discs: Mapping[int, Bools] | None, k: int) -> Ints:
+    """Which of the n elements of structure k are held."""
+    return np.arange(n) if discs is None or k not in discs else np.flatnonzero(discs[k])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.large import exceeded_discs, first_discs, with_discs
 from resilience.models.methods.units import RescaledStandard
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
@@ -102,13 +104,22 @@ def relaxation(
 
     Nothing where no seconds are left for it.
     """
-    if seconds <= 0.0:
-        return NOTHING
-    solver = Conic(program.standard, penalty=penalty, time_limit=seconds)
-    solver.update(vectors)
-    if program.cliques is not None:
-        solver.add_rows(*program.cliques.rows)
-    return solver.solve()
+    standard, until_s = program.standard, time.perf_counter() + seconds
+    discs, best = first_discs(standard), NOTHING
+    while (remaining_s := until_s - time.perf_counter()) > 0.0:
+        solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs)
+        solver.update(vectors)
+        if program.cliques is not None:
+            solver.add_rows(*program.cliques.rows)
+        solution = solver.solve()
+        if solution.z is None:
+            return replace(solution, bound=max(solution.bound, best.bound))
+        exceeded = exceeded_discs(standard, solution.z, discs)
+        if not exceeded:
+            return solution
+        discs, best = with_discs(discs, exceeded), solution
+    # Time is up: the last point stands outside of ratings, which its audit says.
+    return best
 
 
 def with_cones_closed(

@@ -1,7 +1,8 @@
-"""Large programs: which discs get polygons, and from how many columns on it pays to be clever.
+"""Large programs: which discs are held, and from how many columns on it pays to be clever.
 
 Ratings of lines hardly ever bind: of 93,504 discs of a feeder of 975 buses over 96 slots 184 are
-exceeded by anybody. Where there are many, their polygons wait until they are needed.
+exceeded by anybody. Where there are many, they wait until a point exceeds them, and every point is
+measured against all.
 """
 
 from __future__ import annotations
@@ -18,23 +19,26 @@ from resilience.tolerances import RELAXATION_TOLERANCE
 LONG_COLUMNS = 50_000
 """Of a program: from here on a basis from its nodes is quicker than presolve."""
 FEW_DISCS = 10_000
-"""Of a structure: as many may have polygons that nobody needs."""
+"""Of a structure: as many may be held that nobody needs."""
 
 
-def first_polygons(standard: Standard) -> dict[int, Bools]:
-    """By the index of every structure of discs, the elements (n,) with a polygon: all or none."""
+def first_discs(standard: Standard) -> dict[int, Bools]:
+    """By the index of every structure of discs, the elements (n,) held at first: all or none."""
     discs = standard.structures_of(Disc).items()
     return {k: np.full(unrolled.n, unrolled.n <= FEW_DISCS) for k, unrolled in discs}
 
 
-def without_polygon(
-    standard: Standard, z: Floats, polygons: Mapping[int, Bools]
-) -> dict[int, Bools]:
-    """By index, the elements (n,) that z exceeds and that have no polygon yet, where there are."""
+def exceeded_discs(standard: Standard, z: Floats, discs: Mapping[int, Bools]) -> dict[int, Bools]:
+    """By index, the elements (n,) that z exceeds and that are not held yet, where there are any."""
     new = {}
     for k, unrolled in standard.structures_of(Disc).items():
-        if not polygons[k].all():
-            exceeded = (unrolled.violation(z) > RELAXATION_TOLERANCE) & ~polygons[k]
+        if not discs[k].all():
+            exceeded = (unrolled.violation(z) > RELAXATION_TOLERANCE) & ~discs[k]
             if exceeded.any():
                 new[k] = exceeded
     return new
+
+
+def with_discs(discs: Mapping[int, Bools], new: Mapping[int, Bools]) -> dict[int, Bools]:
+    """Those that are held, and new ones."""
+    return {k: elements | new.get(k, False) for k, elements in discs.items()}

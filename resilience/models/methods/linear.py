@@ -29,7 +29,7 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import conflict, infeasible, no_plan
-from resilience.models.methods.large import LONG_COLUMNS, first_polygons, without_polygon
+from resilience.models.methods.large import LONG_COLUMNS, exceeded_discs, first_discs, with_discs
 from resilience.models.methods.start import any_point, has_switches, with_switches_held
 from resilience.models.methods.tidy import with_least_circulation
 from resilience.models.methods.trees import better_switches
@@ -76,7 +76,7 @@ class LinearSearch:
     rows: list[Rows] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.polygons = first_polygons(self.program.standard)
+        self.polygons = first_discs(self.program.standard)
 
     def gap_of(self, plan: Solution) -> float:
         """Relative gap of a plan; inf without one."""
@@ -137,10 +137,9 @@ class LinearSearch:
 
     def hold_discs(self, z: Floats) -> bool:
         """Gives every disc that z exceeds its polygon; False where all of them have one."""
-        new = False
-        for k, elements in without_polygon(self.program.standard, z, self.polygons).items():
-            self.polygons[k], new = self.polygons[k] | elements, True
-        return new
+        new = exceeded_discs(self.program.standard, z, self.polygons)
+        self.polygons = with_discs(self.polygons, new)
+        return bool(new)
 
     def within(self, vectors: Vectors) -> Solution:
         """The best point with polygons within the discs, of all discs that it would exceed."""

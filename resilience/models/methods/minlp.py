@@ -42,6 +42,7 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, root, tightened, with_all_held
 from resilience.models.methods.explain import infeasible, no_plan
+from resilience.models.methods.large import exceeded_discs, first_discs, with_discs
 from resilience.models.methods.start import any_point, has_switches
 from resilience.models.methods.trees import TreeBranching, better_switches, can_branch
 from resilience.models.program.gate import cost_scale, gap
@@ -66,6 +67,7 @@ class ConicSearch:
         floor: lower bound for the commitments that were cut off.
         best: the best plan so far.
         modes: for the index of each structure with modes, the elements (n,) that need binaries.
+        discs: for the index of each structure of discs, the elements (n,) that the MILPs hold.
         rows: tangents of cones and no-good cuts, as G z <= h.
         milp_share: of the time that remains that one MILP may take; all of it once one has ended
             without a point.
@@ -79,9 +81,13 @@ class ConicSearch:
     floor: float = np.inf
     best: Solution = NOTHING
     modes: dict[int, Bools] = field(default_factory=dict)
+    discs: dict[int, Bools] = field(init=False)
     rows: list[tuple[sp.csr_array, Floats]] = field(default_factory=list)
     milp_share: float = MILP_SHARE
     starved: bool = False
+
+    def __post_init__(self) -> None:
+        self.discs = first_discs(self.program.standard)
 
     def gap_of(self, plan: Solution, bound: float | None = None) -> float:
         """Relative gap of a plan to a bound, that of the whole if omitted; inf without a plan."""
@@ -111,6 +117,12 @@ class ConicSearch:
     def learn(self, bound: float) -> None:
         """Takes a bound for all commitments that are not cut off."""
         self.bound = max(self.bound, min(bound, self.floor))
+
+    def hold_discs(self, z: Floats) -> bool:
+        """Lets the MILPs hold every disc that z exceeds; False where they hold all of them."""
+        new = exceeded_discs(self.program.standard, z, self.discs)
+        self.discs = with_discs(self.discs, new)
+        return bool(new)
 
     def exclude(self, z: Floats, bound: float) -> None:
         """Cuts a commitment off whose own bound is known: at least one integer must differ."""
@@ -237,7 +249,7 @@ def _commit(search: ConicSearch, switched: Vectors | None) -> None:
     """A plan from any commitment at all, switches as `switched` holds them, or as at the start."""
     program = search.program
     with phase("commitment", "any"):
-        lowered = lower(program.standard, modes={}, discs="outer")
+        lowered = lower(program.standard, modes={}, discs="outer", polygons=search.discs)
         chosen = any_point(program, lowered, search.seconds(), switched)
     if chosen.status == "infeasible":
         raise infeasible(program)
@@ -262,14 +274,17 @@ def _round(search: ConicSearch, k: int) -> bool:
         search.starved = search.milp_share == 1.0
         search.milp_share = 1.0
         return not search.starved
+    tighter = master.z is not None and search.hold_discs(master.z)
     if not search.done and _try(search, master):
         return True
-    return search.bound > before + 1e-9 * abs(before)
+    return tighter or search.bound > before + 1e-9 * abs(before)
 
 
 def _commitment(search: ConicSearch) -> Solution:
     """The MILP over all tangents so far: its point, and a bound for what is not cut off."""
-    lowered = lower(search.program.standard, modes=search.modes, discs="outer")
+    lowered = lower(
+        search.program.standard, modes=search.modes, discs="outer", polygons=search.discs
+    )
     cliques = search.program.cliques
     rows_so_far = [*search.rows, *([] if cliques is None else [cliques.rows])]
     g = sp.vstack([rows for rows, _ in rows_so_far], format="csr")

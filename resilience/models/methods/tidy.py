@@ -20,7 +20,7 @@ from resilience.models.backends.base import Solution, failures_of
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import broken_facts, worst_violation
-from resilience.models.methods.large import LONG_COLUMNS, first_polygons, without_polygon
+from resilience.models.methods.large import LONG_COLUMNS, exceeded_discs, first_discs, with_discs
 from resilience.models.program.referee import audit
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Disc, Discs, Mode
@@ -43,11 +43,11 @@ def with_least_circulation(program: CaseProgram, solution: Solution, seconds: fl
     standard = program.standard
     if not standard.tiebreak.any() or seconds <= 0.0:
         return solution
-    polygons = first_polygons(standard)
+    polygons = first_discs(standard)
     for discs in LONG_TRIALS if standard.n_columns >= LONG_COLUMNS else TRIALS:
         z = _least_circulation(program, solution.point, discs, polygons, seconds)
-        while z is not None and (exceeded := without_polygon(standard, z, polygons)):
-            polygons = {k: elements | exceeded.get(k, False) for k, elements in polygons.items()}
+        while z is not None and (exceeded := exceeded_discs(standard, z, polygons)):
+            polygons = with_discs(polygons, exceeded)
             z = _least_circulation(program, solution.point, discs, polygons, seconds)
         if z is not None and _holds_as_much(program, z, solution.point):
             return replace(solution, z=z)

@@ -61,7 +61,7 @@ def solved(case: Case, method: str) -> Plan:
 
 
 @pytest.mark.parametrize("rating_mva", [0.5, 0.72, 5.0])
-@pytest.mark.parametrize("method", ["lp", "milp"])
+@pytest.mark.parametrize("method", ["lp", "milp", "socp", "nlp", "minlp"])
 def test_plans_are_as_cheap_and_hold_as_much(
     method: str, rating_mva: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,13 +84,13 @@ def test_polygons_are_made_where_a_point_exceeds_its_disc(monkeypatch: pytest.Mo
     made = []
     for rating_mva in (0.72, 5.0):
         program = horizon(rated_feeder(rating_mva))
-        polygons = large.first_polygons(program.standard)
+        polygons = large.first_discs(program.standard)
         assert not any(held.any() for held in polygons.values())
         bare = lower(program.standard, integer="none", modes={}, polygons=polygons)
         assert bare.a.shape[0] == program.standard.n_rows
         solver = Highs(bare)
         solver.update(program.vectors)
-        new = large.without_polygon(program.standard, solver.solve().point, polygons)
+        new = large.exceeded_discs(program.standard, solver.solve().point, polygons)
         made.append(sum(int(elements.sum()) for elements in new.values()))
     assert made[0] > made[1]
 

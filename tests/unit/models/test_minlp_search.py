@@ -406,15 +406,15 @@ def test_a_start_that_finds_nothing_leaves_it_to_the_rounds(
 ) -> None:
     found = search()
     monkeypatch.setattr(minlp, "any_point", lambda *_: NOTHING)
-    minlp._start(found)
+    minlp._commit(found, None)
     assert found.best is NOTHING
     monkeypatch.setattr(minlp, "any_point", lambda *_: answer(found.program, 31.0, 3.0))
     monkeypatch.setattr(minlp, "relaxation", lambda *_, **__: INFEASIBLE)
-    minlp._start(found)
+    minlp._commit(found, None)
     assert found.best is NOTHING
     monkeypatch.setattr(minlp, "any_point", lambda *_: INFEASIBLE)
     with pytest.raises(InfeasibleError):
-        minlp._start(found)
+        minlp._commit(found, None)
 
 
 @pytest.mark.parametrize(
