@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
@@ -23,6 +23,7 @@ from resilience.models.components import (
     Energised,
     Generators,
     Lines,
+    Strengthened,
     Tanks,
     Topology,
     bus_capacity,
@@ -72,6 +73,7 @@ class Microgrid:
         bus_of: (buses of the case,) index in `network` of every bus of the case.
         lines_of: (lines,) index in the case's network of every line of `network`.
         fallible: (lines,) lines that data may take out.
+        strengthened: lines that can be strengthened before the storm; usually none.
     """
 
     case: Case
@@ -80,6 +82,7 @@ class Microgrid:
     bus_of: Ints
     lines_of: Ints
     fallible: Bools
+    strengthened: Strengthened | None = None
 
     @classmethod
     def build(cls, case: Case, physics: Physics = "lindistflow") -> Microgrid:
@@ -180,7 +183,9 @@ class Microgrid:
     @cached_property
     def components(self) -> tuple[Component, ...]:
         """Everything that emits into the stage, voltages and switches included."""
-        first = () if self.energised is None else (self.energised,)
+        first: tuple[Component, ...] = () if self.energised is None else (self.energised,)
+        if self.strengthened is not None:
+            first = (self.strengthened, *first)
         tanks = () if self.tanks is None else (self.tanks,)
         return (*first, *self.fleets.values(), *self.cold_loads, *tanks, *self._wires)
 
@@ -230,6 +235,7 @@ class Microgrid:
             losses=self.physics == "distflow",
             loss_cost_per_mwh=self.case.loss_cost_per_mwh,
             may_be_dark=network.is_charged,
+            strengthened=self._strengthened_lines,
             looped=self._looped if buses else None,
             loop_shift=np.angle(mismatch(network)) if buses else None,
         )
@@ -240,6 +246,37 @@ class Microgrid:
             else []
         )
         return [*voltages, lines, *switches]
+
+    def _emitting(self, energised: Energised | None, peak: Floats | None) -> Iterator[Component]:
+        """The components of a stage in which it is decided what is alive, or known; see `stage`."""
+        for component in self.components:
+            if isinstance(component, Lines) and peak is not None:
+                yield replace(component, limits=replace(component.limits, peak=peak))
+            elif not isinstance(component, Energised) or energised is not None:
+                yield component
+
+    def _cover(self, stage: Stage, strengthened: Strengthened, peak: Floats) -> None:
+        """The rows of dear loads, for profiles that reach (profiles,)."""
+        fleets, (lines,) = (
+            list(self.fleets.values()),
+            (x for x in self._wires if isinstance(x, Lines)),
+        )
+        loads = in_roles(fleets, "load")
+        reach = dict(zip(lines.limits.profiles, peak, strict=True))
+        demand = [-mw * reach[name] for fleet in loads for name, mw in fleet.expected()]
+        strengthened.cover(stage, lines, fleets, np.array(demand))
+
+    def limit_profiles(self, profile: Callable[[str | None], Floats], nodes: int) -> Floats:
+        """(profiles, nodes) values of the profiles that limits of lines follow, see `stage`."""
+        lines = next((wire for wire in self._wires if isinstance(wire, Lines)), None)
+        return np.ones((0, nodes)) if lines is None else lines.limits.values(profile, nodes)
+
+    @property
+    def _strengthened_lines(self) -> Bools | None:
+        """(lines,) whether a line can be strengthened; None where none can."""
+        if self.strengthened is None:
+            return None
+        return np.isin(self.network.line_names, self.strengthened.lines)
 
     def _buses(self) -> Buses:
         low, high = self.network.v_min_pu.copy(), self.network.v_max_pu.copy()
@@ -313,7 +350,14 @@ class Microgrid:
         earth = (feeds + takes) * math.sqrt(2.0) / v_max_pu  # |y| is sqrt(2) max(|g|, |b|) at most
         return Capacity(supply, demand, capacity.apparent), earth[:, None]
 
-    def stage(self, dt: float, *, energy_known: bool = False, may_spill: bool = False) -> Stage:
+    def stage(
+        self,
+        dt: float,
+        *,
+        energy_known: bool = False,
+        may_spill: bool = False,
+        peak: Floats | None = None,
+    ) -> Stage:
         """One step: all components, and `balance` of power at every bus.
 
         Args:
@@ -321,13 +365,14 @@ class Microgrid:
             energy_known: what is stored at the start is known before its data are made, see
                 `situation`, so that data tell which islands are alive.
             may_spill: what must be taken may be spilled, as in simulations; a plan has to use it.
+            peak: (profiles,) the most that profiles of lines' limits, see `FlowLimits`, reach in
+                the nodes of the stage; their peaks if omitted. The less it is, the sharper is what
+                relaxed integers tell.
         """
         stage = Stage(dt, reactive=self.physics != "copperplate")
         energised = None if energy_known else self.energised
         fed = []
-        for component in self.components:
-            if isinstance(component, Energised) and energised is None:
-                continue
+        for component in self._emitting(energised, peak):
             power = component.emit(stage)
             if power is None:
                 continue
@@ -339,6 +384,8 @@ class Microgrid:
             fed.append(power)
         if energised is not None:
             energised.connect(stage)
+        if self.strengthened is not None and peak is not None:
+            self._cover(stage, self.strengthened, peak)
         stage.eq("balance.p", self._at_buses([(i.p, i.bus) for i in fed]))
         if stage.reactive:
             reactive = [(i.q, i.bus) for i in fed if i.q is not None]

@@ -75,6 +75,6 @@ def symbol_table() -> list[dict[str, str]]:
     for block in [*stage.variables, *stage.datums]:
         if block.kind == "now":
             continue
-        kind = "state" if block.name in states else block.kind
+        kind = "state" if block.name in states and block.kind != "design" else block.kind
         rows.append({"name": block.name, "unit": block.unit, "kind": kind, "meaning": block.about})
     return sorted(rows, key=lambda row: row["name"])

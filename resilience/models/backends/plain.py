@@ -1,6 +1,7 @@
 """HiGHS on plain arrays, for linear programs that grow rows of their own: masters of decomposition.
 
-Rows are only ever added, bounds changed; the basis is kept throughout.
+Rows are only ever added, bounds and sides changed; the basis is kept throughout. With integers the
+program as it stands is handed to a tree search.
 """
 
 from __future__ import annotations
@@ -13,7 +14,12 @@ import scipy.sparse as sp
 from resilience.arrays import Floats, Ints
 from resilience.errors import SolverError
 from resilience.models.backends.base import OutOfTimeError, failures_of, no_numbers
-from resilience.models.backends.highs_model import LINEAR_OPTIONS, HighsModel, RunStatus
+from resilience.models.backends.highs_model import (
+    LINEAR_OPTIONS,
+    TREE_OPTIONS,
+    HighsModel,
+    RunStatus,
+)
 from resilience.models.backends.highs_scale import Scale
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
@@ -44,6 +50,52 @@ class Plain:
         """Changes the bounds of some columns."""
         self.vectors.lower[columns], self.vectors.upper[columns] = lower, upper
         self._model.change_bounds(columns, lower, upper)
+
+    def set_sides(self, rows: Ints, lower: Floats, upper: Floats) -> None:
+        """Changes the sides of some rows."""
+        self.vectors.row_lower[rows], self.vectors.row_upper[rows] = lower, upper
+        self._model.change_sides(rows, lower, upper)
+
+    def search_tree(
+        self, integer: Ints, start: Floats | None, gap: float, seconds: float = np.inf
+    ) -> tuple[Floats, float] | None:
+        """The best values (columns,) with some columns whole, and the bound that the search proves.
+
+        Args:
+            integer: the columns.
+            start: values of these to begin from.
+            gap: relative, at which to stop.
+            seconds: that it may take; without any it is not begun.
+
+        Raises:
+            OutOfTimeError: that was not enough for a point.
+            SolverError: the solver stopped for any other reason.
+        """
+        if seconds <= 0.0:
+            raise OutOfTimeError("no time was left for a tree search")
+        a, is_integer = (
+            sp.vstack(self._blocks, format="csr"),
+            np.zeros(len(self.vectors.cost), bool),
+        )
+        is_integer[integer] = True
+        model = HighsModel({"mip_rel_gap": gap, "mip_abs_gap": 0.0, **TREE_OPTIONS})
+        model.load(sp.csr_array(a), self.vectors, is_integer)
+        if start is not None:
+            model.set_start(integer, start)
+        if np.isfinite(seconds):
+            model.limit_time(seconds)
+        with failures_of("HiGHS"):
+            status = model.run()
+        info = model.info
+        if status in (RunStatus.INFEASIBLE, RunStatus.AMBIGUOUS):
+            return None
+        if not info.has_point:
+            if model.is_out_of_time:
+                raise OutOfTimeError("a tree search took longer than the time that was left")
+            raise SolverError(f"a tree search ended as {model.status_text}")
+        z = model.solution.values
+        z[integer] = np.round(z[integer])
+        return z, info.mip_bound
 
     def solve(self, seconds: float = np.inf) -> tuple[Floats, Floats] | None:
         """The optimal values (columns,) and multipliers (rows,), None where there is no point.

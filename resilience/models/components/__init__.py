@@ -20,6 +20,7 @@ from resilience.models.components.grid import Grids
 from resilience.models.components.line import Lines
 from resilience.models.components.load import Loads
 from resilience.models.components.pv import PV
+from resilience.models.components.strengthened import Strengthened
 from resilience.models.components.tank import Tanks
 from resilience.models.components.topology import Topology
 
@@ -38,6 +39,7 @@ __all__ = [
     "Lines",
     "Loads",
     "Role",
+    "Strengthened",
     "Tanks",
     "Topology",
     "bus_capacity",

@@ -24,7 +24,8 @@ What parallel lines share, and what closes loops, is in `resilience.models.compo
 
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
-switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`. A rating
+switchable line has a binary $z \le$ status, and each change of it costs `switching_cost`; that of
+a line that can be strengthened follows from what is built. A rating
 is a disc of what leaves or reaches the buses, charging included, at both ends; without voltages,
 $|P| \le S$. What is lost between the two buses costs `loss_cost_per_mwh` of the case, besides what
 feeding it in costs; without losses, nothing.
@@ -140,18 +141,20 @@ class Lines(LineData):
         up = stage["line.up"][free]
         about = f"squared voltage of the {end} end"
         end_sq = stage.var(f"line.{end}_sq", names, 0.0, up * ceiling, unit="pu²", about=about)
-        room = ceiling - up * ceiling * ~self.switchable[free]
+        room = ceiling - up * ceiling * ~self.decided[free]
         off = stage.var(f"line.{end}_off", names, 0.0, room, unit="pu²", about=f"{about}, open")
         stage.eq(f"line.{end}_charged", labelled(end_sq + off - v_sq, tuple(names)))
         if closed is not None:
-            rows = np.flatnonzero(self.switchable[free])
-            on = closed[np.searchsorted(self.switched, free[rows])]
+            rows = np.flatnonzero(self.decided[free])
+            on = closed[np.searchsorted(np.flatnonzero(self.decided), free[rows])]
             stage.le(f"line.{end}_sq.switch", end_sq[rows], on * ceiling[rows])
             stage.le(f"line.{end}_off.switch", off[rows], (1.0 - on) * ceiling[rows])
         return end_sq
 
     def _status(self, stage: Stage) -> Affine | None:
         up = stage.data("line.up", self.names, unit="1", about="whether a line can carry power")
+        if self.strengthened is not None:
+            return stage["line.stands"]
         if not len(self.switched):
             return None
         names = [self.names[i] for i in self.switched]
@@ -181,7 +184,7 @@ class Lines(LineData):
         rated = np.isfinite(self.rating) & (self.v_min is None)
         stage.mark_auxiliary(name, self.determined & ~rated)
         if closed is not None:
-            rows = self.switched
+            rows = np.flatnonzero(self.decided)
             stage.switch(f"{name}.switch", flow[rows], closed, np.maximum(*self.peaks[:2])[rows])
         return flow
 
@@ -199,7 +202,7 @@ class Lines(LineData):
         )
         stage.mark_auxiliary("line.l")
         if closed is not None:
-            rows = self.switched
+            rows = np.flatnonzero(self.decided)
             stage.le("line.l.switch", current[rows], closed * self.peaks[2][rows])
         impedance = self.r**2 + self.x**2
         stage.eq("line.voltage", labelled(drop - current * impedance, self.names))
@@ -213,13 +216,13 @@ class Lines(LineData):
             return Affine.constant(0.0, len(self.names))
         width = self._gap_max()[free]
         names = [self.names[i] for i in free]
-        gap_max = width - stage["line.up"][free] * width * ~self.switchable[free]
+        gap_max = width - stage["line.up"][free] * width * ~self.decided[free]
         gap = stage.var(
             "line.gap", names, -gap_max, gap_max, unit="pu²", about="voltage across open line"
         )
         stage.mark_auxiliary("line.gap")
         if closed is not None:
-            rows = np.searchsorted(free, self.switched)  # of switched lines, among the free
+            rows = np.searchsorted(free, np.flatnonzero(self.decided))  # of those, among the free
             stage.switch("line.gap.switch", gap[rows], 1.0 - closed, width[rows])
         return scatter(gap, free, len(self.names))
 
@@ -254,7 +257,7 @@ class Lines(LineData):
 
     def _checkpeaks(self, flow: Floats) -> None:
         peak = np.maximum(*self.peaks[:2])
-        beyond = np.flatnonzero(self.switchable & (flow > peak * (1.0 + INPUT_TOLERANCE)))
+        beyond = np.flatnonzero(self.decided & (flow > peak * (1.0 + INPUT_TOLERANCE)))
         if len(beyond):
             k = beyond[0]
             raise ValueError(

@@ -33,6 +33,8 @@ class LineData:
         losses: DistFlow; without it LinDistFlow where the stage carries reactive power.
         loss_cost_per_mwh: of what is lost, besides what feeding it in costs.
         may_be_dark: a dead island has no voltage; elsewhere it means nothing there.
+        strengthened: (lines,) lines whose status follows from what is built, see `strengthened`;
+            None where there are none.
         looped: (lines,) those in a loop; None where the network is radial.
         loop_shift: (lines,) phase shift that is left of each round its loop, rad.
     """
@@ -57,8 +59,16 @@ class LineData:
     losses: bool
     loss_cost_per_mwh: float = 0.0
     may_be_dark: bool = False
+    strengthened: Bools | None = None
     looped: Bools | None = None
     loop_shift: Floats | None = None
+
+    @property
+    def decided(self) -> Bools:
+        """(lines,) lines whose status is a column: switchable, or strengthened."""
+        if self.strengthened is None:
+            return self.switchable
+        return np.asarray(self.switchable | self.strengthened)
 
     @property
     def tap(self) -> Floats:

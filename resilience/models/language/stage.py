@@ -29,7 +29,7 @@ class Block:
         start: id of the first entry; ids of variables and of data are counted apart.
         unit: of the entries, as `MW`.
         about: what it is, in words; may be empty.
-        kind: `variable`, `binary`, `now` for a state at the start of the step, or `data`.
+        kind: `variable`, `binary`, `now` for a state at the start of the step, `design`, or `data`.
     """
 
     name: str
@@ -82,6 +82,22 @@ class Cost:
     price: Affine
 
 
+@dataclass(frozen=True)
+class Design:
+    """What is built once: a state that never changes, and whose start is to be chosen.
+
+    Attributes:
+        block: its columns.
+        lower, upper: (labels,) what may be built.
+        cost: (labels,) $ per unit, paid once, whatever the tree.
+    """
+
+    block: Block
+    lower: Floats
+    upper: Floats
+    cost: Floats
+
+
 @dataclass
 class Stage:
     """One step.
@@ -96,7 +112,8 @@ class Stage:
         penalties: terms that close relaxations when weighted slightly.
         tiebreaks: columns and weights of |x| by which equally good points are told apart.
         structures: the non-affine facts.
-        states: per state its block at the start of the step and at its end.
+        states: per state its block at the start of the step and at its end; one block of a design.
+        designs: the states among them that never change.
         lower: per block of variables its lower bound, constant or data.
         upper: likewise its upper bound.
         integer: likewise whether it is integer.
@@ -114,6 +131,7 @@ class Stage:
     tiebreaks: list[tuple[Affine, Floats]] = field(default_factory=list)
     structures: list[Structure] = field(default_factory=list)
     states: list[tuple[Block, Block]] = field(default_factory=list)
+    designs: list[Design] = field(default_factory=list)
     lower: list[Affine] = field(default_factory=list)
     upper: list[Affine] = field(default_factory=list)
     integer: list[bool] = field(default_factory=list)
@@ -189,6 +207,32 @@ class Stage:
         after = self.var(name, labels, lower, upper, unit=unit, about=about, integer=integer)
         self.states.append((before, self.variables[-1]))
         return now, after
+
+    def design(
+        self,
+        name: str,
+        labels: Sequence[str],
+        lower: ArrayLike,
+        upper: ArrayLike,
+        cost: ArrayLike,
+        *,
+        unit: str,
+        about: str = "",
+        integer: bool = False,
+    ) -> Affine:
+        """What is built before the first step: a state that never changes, its start free.
+
+        All nodes of a tree share its columns. `cost` is $ per unit, paid once.
+        """
+        n = len(labels)
+        self.var(
+            name, labels, -np.inf, np.inf, unit=unit, about=about, integer=integer, kind="design"
+        )
+        block = self.variables[-1]
+        low, high, price = (np.broadcast_to(np.asarray(x, float), n) for x in (lower, upper, cost))
+        self.states.append((block, block))
+        self.designs.append(Design(block, low, high, price))
+        return self._named[name]
 
     def define(self, name: str, x: Affine) -> None:
         """Makes an expression known by a name, for components that come later."""

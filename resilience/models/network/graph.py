@@ -227,3 +227,22 @@ def cycle(network: Network) -> list[str]:
         return [str(graph.edges[edge]["name"]) for edge in nx.find_cycle(graph)]
     except nx.NetworkXNoCycle:
         return []
+
+
+def sides(buses: int, from_bus: Ints, to_bus: Ints) -> Bools | None:
+    """(lines, buses) whether a bus lies behind a line, on the side of its second bus, of its tree.
+
+    None where lines make a cycle.
+    """
+    graph = nx.Graph()
+    graph.add_nodes_from(range(buses))
+    ends = list(zip(from_bus.tolist(), to_bus.tolist(), strict=True))
+    graph.add_edges_from(ends)
+    if not nx.is_forest(graph) or graph.number_of_edges() < len(ends):
+        return None
+    behind = np.zeros((len(ends), buses), bool)
+    for k, (i, j) in enumerate(ends):
+        graph.remove_edge(i, j)
+        behind[k, list(nx.node_connected_component(graph, j))] = True
+        graph.add_edge(i, j)
+    return behind

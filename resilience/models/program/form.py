@@ -24,6 +24,9 @@ from resilience.models.algebra import Affine, stack
 from resilience.models.language.stage import Block, Cost, Stage
 from resilience.models.structures import Structure
 
+SHARED = frozenset({"now", "design"})
+"""Kinds of blocks whose columns belong to the node before."""
+
 
 @dataclass(frozen=True)
 class CostForm:
@@ -55,7 +58,8 @@ class Form:
 
     Attributes:
         stage: what it was made from.
-        n_now: number of columns that are states at the start of the step.
+        n_now: number of columns that are states at the start of the step; of a design also at its
+            end.
         own_blocks: the variables that every node gets anew, in the order of their columns.
         column_of_id: (ids,) column of each id of the stage's variables.
         n_data: number of data.
@@ -109,12 +113,12 @@ class Form:
         return int(self.a.shape[0])
 
     def block(self, name: str) -> Block:
-        """The block of a variable of its own.
+        """The block of a variable of its own, or of a design.
 
         Raises:
             KeyError: an unknown name.
         """
-        for block in self.own_blocks:
+        for block in (*self.own_blocks, *(design.block for design in self.stage.designs)):
             if block.name == name:
                 return block
         names = ", ".join(block.name for block in self.own_blocks)
@@ -128,6 +132,19 @@ class Form:
         """Where a block lies among the columns that every node gets anew."""
         start = int(self.column_of_id[block.start]) - self.n_now if block.n else 0
         return range(start, start + block.n)
+
+    @cached_property
+    def design_numbers(self) -> tuple[Ints, Floats, Floats, Floats, Bools]:
+        """Of all designs: (designs,) columns, lower and upper bounds, $ per unit, integer."""
+        none, designs = np.empty(0), self.stage.designs
+        integer = [self.stage.integer[self.stage.variables.index(d.block)] for d in designs]
+        return (
+            np.concatenate([none, *(self.columns(d.block) for d in designs)]).astype(np.intp),
+            np.concatenate([none, *(d.lower for d in designs)]),
+            np.concatenate([none, *(d.upper for d in designs)]),
+            np.concatenate([none, *(d.cost for d in designs)]),
+            np.repeat(integer, [d.block.n for d in designs]).astype(bool),
+        )
 
     def rows(self, name: str) -> slice:
         """Rows of one of the stage's named constraints.
@@ -181,7 +198,7 @@ def stage_form(stage: Stage) -> Form:
     """A stage in numbers."""
     numbering = _Numbering.of_stage(stage)
     matrix, n_columns = numbering.matrix, numbering.n_columns
-    numbers = [i for i, block in enumerate(stage.variables) if block.kind != "now"]
+    numbers = [i for i, block in enumerate(stage.variables) if block.kind not in SHARED]
     own_blocks = tuple(stage.variables[i] for i in numbers)
     sizes = [row.expression.n for row in stage.rows]
     rows = _joined([row.expression for row in stage.rows])
@@ -233,7 +250,7 @@ class _Numbering:
     def of_stage(cls, stage: Stage) -> _Numbering:
         """The states' present values first, the other variables behind them."""
         before = [block for block, _ in stage.states]
-        own_blocks = [block for block in stage.variables if block.kind != "now"]
+        own_blocks = [block for block in stage.variables if block.kind not in SHARED]
         column_of_id = np.empty(stage.variables[-1].slice.stop if stage.variables else 0, np.intp)
         column = 0
         for block in [*before, *own_blocks]:

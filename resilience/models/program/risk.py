@@ -89,7 +89,7 @@ class Risk:
 def node_prices(standard: Standard, data: Values) -> tuple[sp.csr_array, Floats]:
     """What every node costs, not weighted: prices (nodes, columns) and an offset (nodes,), in $.
 
-    The future cost of a leaf belongs to the leaf.
+    The future cost of a leaf belongs to the leaf, what is built to the first node.
     """
     rows, columns, values = [], [], []
     offset = np.zeros(standard.tree.n)
@@ -99,6 +99,10 @@ def node_prices(standard: Standard, data: Values) -> tuple[sp.csr_array, Floats]
         columns.append(stage.columns.ravel())
         values.append(stage.form.prices(d).T.ravel())
         offset[stage.nodes] = stage.form.offsets(d)
+    built, _, _, price, _ = standard.form.design_numbers
+    rows.append(np.zeros(len(built), np.intp))
+    columns.append(built)
+    values.append(price)
     leaves = standard.tree.leaves
     rows.append(leaves)
     columns.append(standard.future)

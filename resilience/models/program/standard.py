@@ -250,8 +250,12 @@ class Standard:
         cost, lower, upper = np.zeros(n), np.zeros(n), np.zeros(n)
         rhs = np.zeros(self.n_rows)
         offset = 0.0
+        built, lowest, highest, price, _ = self.form.design_numbers
+        designs = {design.block.name for design in self.form.stage.designs}
         for name, columns in self.initial.items():
-            lower[columns] = upper[columns] = x0[name]
+            if name not in designs:
+                lower[columns] = upper[columns] = x0[name]
+        lower[built], upper[built] = lowest, highest
         for stage in self.copies:
             d, columns = self.stacked_data(data, stage), stage.own_columns
             low, high, sides, prices = stage.form.numbers(d)
@@ -260,6 +264,7 @@ class Standard:
             # A state's column stands in two nodes, at the end of one and the start of the next.
             cost += np.bincount(stage.columns.ravel(), (prices * weight).T.ravel(), n)
             offset += float(weight @ stage.form.offsets(d))
+        cost[built] += price
         self._value_cuts(cost, lower, upper, rhs)
         row_lower = np.where(self.equality, rhs, -np.inf)
         return Vectors(cost, offset, lower, upper, row_lower, rhs)
@@ -287,8 +292,14 @@ class Standard:
         return states, alpha, beta, self.tree.probability[leaves]
 
     def cost_terms(self, z: Floats, data: Values) -> dict[str, Floats]:
-        """$ per node of every cost term, not weighted by probability, arrays (nodes,)."""
+        """$ per node of every cost term, not weighted by probability, arrays (nodes,).
+
+        What is built is paid for in the first node.
+        """
         terms: dict[str, Floats] = {}
+        for design in self.form.stage.designs:
+            paid = terms.setdefault(design.block.name, np.zeros(self.tree.n))
+            paid[0] = design.cost @ z[self.initial[design.block.name]]
         for stage in self.copies:
             d = self.stacked_data(data, stage)
             for term in stage.form.costs:

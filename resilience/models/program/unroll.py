@@ -43,6 +43,8 @@ def unroll(stages: Sequence[Stage], tree: Tree, cuts: Sequence[Cut] = ()) -> Sta
     integer, equality = np.zeros(n_columns, bool), np.zeros(n_rows, bool)
     for stage in copies:
         integer[stage.own_columns] = stage.form.integer
+        built, *_, in_units = stage.form.design_numbers
+        integer[built] = in_units  # the states at the start come first in both numberings
         equality[stage.rows] = stage.form.equality
     standard = Standard(
         tree=tree,
@@ -78,7 +80,8 @@ def _offsets(sizes: list[int], tree: Tree, start: int) -> tuple[Ints, int]:
 def _state_ends(forms: Sequence[Form], tree: Tree, first_column: Ints, n_states: int) -> Ints:
     """(nodes + 1, states): columns of the states at a node's end.
 
-    The last row holds those at the start, so that the parent -1 of a root finds them there.
+    The last row holds those at the start, so that the parent -1 of a root finds them there. A
+    design has the same columns everywhere: those at the start.
     """
     ends = np.empty((tree.n + 1, n_states), np.intp)
     ends[-1] = np.arange(n_states)
@@ -87,8 +90,10 @@ def _state_ends(forms: Sequence[Form], tree: Tree, first_column: Ints, n_states:
         np.concatenate([none, *(f.columns(after) for _, after in f.stage.states)]) - f.n_now
         for f in forms
     ]
+    built = forms[0].design_numbers[0]
     for node in range(tree.n):
         ends[node] = first_column[node] + own_places[tree.stage[node]]
+    ends[:, built] = built
     return ends
 
 

@@ -11,6 +11,12 @@ its true recourse cost an upper one; the two meet. Cuts are evaluated from multi
 (`models.program.dual_bound`), so the bound does not lean on solver tolerances. Recourse is
 taken to be feasible everywhere, as it is where loads can be shed; where it is not, the scenario is
 named.
+
+Where something is built in units (`Stage.design`), cuts are first gathered with parts of units, of
+which the master is a linear program, then with whole ones, of which it is a tree search. Recourse
+is convex in what is built, so the cuts of both hold for both. What every scenario costs at the
+least, whatever is built, holds its theta up from the start, and a scenario costs no cut where the
+master knows its cost already.
 """
 
 from __future__ import annotations
@@ -34,6 +40,8 @@ from resilience.progress import phase
 from resilience.tolerances import SCENARIO_GAP
 
 MAX_ROUNDS = 200
+MOST_OF_PARTS = 40  # rounds with parts of units, at most
+PARTS_GAP = 1e-3  # relative, at which whole units take their place
 
 
 @dataclass(frozen=True)
@@ -75,6 +83,7 @@ class DecompositionOptions:
         discs: polygons within the discs or around them.
         idle_trunk: columns of the trunk to hold at zero (modes to keep to).
         idle_branches: by the index of a branch, columns of its program to hold at zero.
+        designs: (trunks, columns of the trunk) whole designs to try before all others.
         clock: seconds that have passed since some moment; for tests.
     """
 
@@ -85,7 +94,34 @@ class DecompositionOptions:
     discs: Discs = "outer"
     idle_trunk: Ints | None = None
     idle_branches: dict[int, Ints] = field(default_factory=dict)
+    designs: Floats | None = None
     clock: Callable[[], float] = time.perf_counter
+
+
+@dataclass
+class Machinery:
+    """Master and recourse of a program, which may be solved again with other data of the trunk.
+
+    Attributes:
+        master: the trunk, with all cuts so far.
+        recourse: the branches, with all their bases.
+    """
+
+    master: Master
+    recourse: Recourse
+
+    @classmethod
+    def without_cuts(cls, two_stage: TwoStage, options: DecompositionOptions) -> Machinery:
+        """New ones, without cuts."""
+        return cls(
+            Master(two_stage, idle=options.idle_trunk, discs=options.discs),
+            Recourse(
+                two_stage,
+                idle=options.idle_branches,
+                discs=options.discs,
+                workers=options.workers,
+            ),
+        )
 
 
 @dataclass
@@ -137,7 +173,6 @@ class TrunkSearch:
         value = self.two_stage.risk.value(cost, self.probability)
         if self.best is None or value < self.value:
             self.value, self.best = value, (trial, second, cost)
-        self.iterations += 1
         return cost
 
 
@@ -149,8 +184,17 @@ def out_of_time(options: DecompositionOptions) -> OutOfTimeError:
     )
 
 
-def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) -> TwoStageSolution:
-    """Solves a two-stage program, integers and modes relaxed.
+def lshaped(
+    two_stage: TwoStage,
+    options: DecompositionOptions | None = None,
+    machinery: Machinery | None = None,
+) -> TwoStageSolution:
+    """Solves a two-stage program, integers and modes relaxed but those of what is built.
+
+    Args:
+        two_stage: the program.
+        options: how to search.
+        machinery: of an earlier search of the same program, whose cuts are kept.
 
     Raises:
         InfeasibleError: the trunk, or a scenario behind it, has no point; it is named.
@@ -163,7 +207,7 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
     probability = np.append([b.probability for b in two_stage.branches], two_stage.staying)
     search = TrunkSearch(two_stage, options, deadline, probability)
     try:
-        _search_trunks(search)
+        _search_trunks(search, machinery or Machinery.without_cuts(two_stage, options))
     except OutOfTimeError:
         if search.best is None:
             raise out_of_time(options) from None
@@ -182,17 +226,13 @@ def lshaped(two_stage: TwoStage, options: DecompositionOptions | None = None) ->
     )
 
 
-def _search_trunks(search: TrunkSearch) -> None:
+def _search_trunks(search: TrunkSearch, machinery: Machinery) -> None:
     """Trunk after trunk, with the cuts of all before."""
-    two_stage, options = search.two_stage, search.options
-    master = Master(two_stage, idle=options.idle_trunk, discs=options.discs, seconds=search.seconds)
-    recourse = Recourse(
-        two_stage,
-        idle=options.idle_branches,
-        discs=options.discs,
-        workers=options.workers,
-        seconds=search.seconds,
-    )
+    options, master, recourse = search.options, machinery.master, machinery.recourse
+    master.seconds = recourse.seconds = search.seconds
+    if len(master.units):
+        _search_designs(search, master, recourse)
+        return
     trial = None if options.start is None else master.trunk_through(options.start)
     has_start = trial is not None
     trial = trial or master.solve()
@@ -200,6 +240,7 @@ def _search_trunks(search: TrunkSearch) -> None:
         with phase("scenarios", f"round {k + 1}{_so_far(search)}"):
             second = recourse.solve(trial.states)
         cost = search.offer(trial, second)
+        search.iterations += 1
         if k == 0 and has_start:
             search.start_cost = cost
         if search.done:
@@ -211,6 +252,55 @@ def _search_trunks(search: TrunkSearch) -> None:
         if search.done:
             return
     raise SolverError(f"the L-shaped method did not close its gap in {MAX_ROUNDS} rounds")
+
+
+def _search_designs(search: TrunkSearch, master: Master, recourse: Recourse) -> None:
+    """As `_search_trunks`, where something is built in units: first parts of them, then whole."""
+    options = search.options
+    if not master.has_floors:
+        with phase("scenarios", "all of it built"):
+            master.hold_up(recourse.floors(_starts(search.two_stage)))
+    for z in () if options.designs is None else options.designs:
+        _try(search, master, recourse, master.trial_of(z))
+    parts, trial = True, master.solve()
+    for k in range(MAX_ROUNDS):
+        search.bound = max(search.bound, trial.bound)
+        if search.done:
+            return
+        value = _try(search, master, recourse, trial, k + 1)
+        if search.done:
+            return
+        parts = parts and k < MOST_OF_PARTS and value - trial.bound > PARTS_GAP * abs(value)
+        with phase("first stage", "parts of units" if parts else "whole units"):
+            start = None if search.best is None else search.best[0].z
+            trial = master.solve() if parts else master.solve_whole(start, options.gap / 2.0)
+    raise SolverError(f"the L-shaped method did not close its gap in {MAX_ROUNDS} rounds")
+
+
+def _try(
+    search: TrunkSearch, master: Master, recourse: Recourse, trial: Trial, number: int = 0
+) -> float:
+    """Solves the second stage at a trial and adds the cuts that are news; $ of the risk there."""
+    with phase("scenarios", f"round {number}{_so_far(search)}"):
+        second = recourse.solve(trial.states)
+    search.iterations += 1
+    news = master.violated(trial, second)
+    master.add(second, news)
+    if trial.is_whole:
+        master.add_falling(trial, second, news)
+    cost = trial.spent.copy()
+    cost[:-1] += second.cost
+    if trial.is_whole:
+        search.offer(trial, second)
+    return search.two_stage.risk.value(cost, search.probability)
+
+
+def _starts(two_stage: TwoStage) -> Floats:
+    """(branches, states) at the start, nothing built."""
+    x0 = np.zeros(two_stage.first.n_states)
+    for name, columns in two_stage.first.initial.items():
+        x0[columns] = two_stage.x0.get(name, 0.0)
+    return np.tile(x0, (len(two_stage.branches), 1))
 
 
 def _so_far(search: TrunkSearch) -> str:

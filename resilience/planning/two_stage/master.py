@@ -3,6 +3,9 @@ r"""The first stage of a decomposed program: the trunk, and what its scenarios c
 Columns are those of the trunk, then $\theta_s$ per branch, held up by the cuts, and with a `Risk`
 what was spent up to every node of the trunk, $\eta$, and the excess $u_s$ of every scenario. A
 scenario that never leaves the trunk costs what the trunk costs, and comes last.
+
+What is built is whole where it comes in units; a tree search holds that, and its bound takes the
+place of that from multipliers.
 """
 
 from __future__ import annotations
@@ -24,6 +27,9 @@ from resilience.models.program.units import MONEY, Units, dimensions
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.recourse import SecondStage
 from resilience.planning.two_stage.two_stage import TwoStage
+from resilience.tolerances import INTEGRALITY_TOLERANCE
+
+CUT_TOLERANCE = 1e-9  # of what a branch costs: below, a cut says nothing new
 
 
 @dataclass(frozen=True)
@@ -35,12 +41,16 @@ class Trial:
         states: (branches, states) with which every branch begins.
         spent: (scenarios,) $ spent on the trunk; that of the one that stays is its whole cost.
         bound: what the master proves, $; -inf where it had no cuts.
+        theta: (branches,) $ that the cuts say of each branch.
+        is_whole: whether what is built in units is.
     """
 
     z: Floats
     states: Floats
     spent: Floats
     bound: float
+    theta: Floats
+    is_whole: bool = True
 
 
 class Master:
@@ -86,6 +96,25 @@ class Master:
         a, numbers = self._arrays(lowered.a, lowered.vectors(v))
         self.program = Plain(a, numbers, self._scale(a, v))
         self._theta_box = (np.full(n_branches, -np.inf), np.full(n_branches, -np.inf))
+        self._floor = np.full(n_branches, -np.inf)
+        built, *_, in_units = first.form.design_numbers
+        self.built, self.units = built, built[in_units]
+        self._lowered, self._first_rows = lowered, np.arange(lowered.a.shape[0])
+
+    @property
+    def has_floors(self) -> bool:
+        """Whether `hold_up` has been called."""
+        return bool(np.isfinite(self._floor).all())
+
+    def hold_up(self, floors: Floats) -> None:
+        """Takes what each branch (branches,) costs at least, whatever is decided, $."""
+        self._floor, self._theta_box = floors, (floors.copy(), floors.copy())
+        self.program.set_bounds(self._theta, floors, np.full(len(floors), np.inf))
+
+    def change_data(self, data: dict[str, Floats]) -> None:
+        """Takes other data of the trunk; all cuts hold as before, as they are of the branches."""
+        v = self._lowered.vectors(self.two_stage.first.vectors(data, self.two_stage.x0))
+        self.program.set_sides(self._first_rows, v.row_lower, v.row_upper)
 
     def _scale(self, a: sp.csr_array, v: Vectors) -> Scale | None:
         """Its own units: those of the trunk, and of money for all that `_arrays` adds."""
@@ -171,6 +200,32 @@ class Master:
             self.program.set_bounds(columns, low, high)
         return None if solution is None else self._trial(solution[0], -np.inf)
 
+    def trial_of(self, z: Floats) -> Trial:
+        """A point (columns,) of the trunk as a trial of which no cut says anything yet."""
+        wide = np.zeros(len(self.program.vectors.cost))
+        wide[: len(z)], wide[self._theta] = z, self._floor
+        return self._trial(wide, -np.inf)
+
+    def solve_whole(self, start: Floats | None, gap: float) -> Trial:
+        """The best trunk by the cuts so far, what is built in units whole.
+
+        Args:
+            start: (columns,) a trunk to begin from.
+            gap: relative, at which the search stops.
+
+        Raises:
+            InfeasibleError: the trunk has no point.
+            OutOfTimeError: too few seconds are left.
+        """
+        begin = None if start is None else start[self.units]
+        solution = self.program.search_tree(self.units, begin, gap, self.seconds())
+        if solution is None:
+            raise InfeasibleError(
+                "nothing can be built within the limits",
+                hint="raise the budget",
+            )
+        return self._trial(*solution)
+
     def solve(self) -> Trial:
         """The best trunk by the cuts so far.
 
@@ -188,33 +243,62 @@ class Master:
         has_cuts = np.isfinite(self._theta_box[1]).all()
         return self._trial(z, self._bound(multipliers) if has_cuts else -np.inf)
 
-    def add(self, second: SecondStage) -> None:
-        """Adds the cuts of all branches."""
-        n_branches = len(self._theta)
-        if not n_branches:
+    def add(self, second: SecondStage, branches: Ints | None = None) -> None:
+        """Adds the cuts of all branches, or of some."""
+        chosen = np.arange(len(self._theta)) if branches is None else branches
+        count = len(chosen)
+        if not count:
             return
         v, n = self.program.vectors, len(self.program.vectors.cost)
-        width = self.links.shape[1]
-        columns = np.hstack([self.links, self._theta[:, None]])
-        values = np.hstack([second.beta, -np.ones((n_branches, 1))])
-        starts = np.arange(n_branches + 1) * (width + 1)
-        block = sp.csr_array((values.ravel(), columns.ravel(), starts), shape=(n_branches, n))
-        self.program.add_rows(block, np.full(n_branches, -np.inf), -second.alpha)
-        low, high = reach(second.beta, v.lower[self.links], v.upper[self.links])
+        links, alpha, beta = self.links[chosen], second.alpha[chosen], second.beta[chosen]
+        columns = np.hstack([links, self._theta[chosen, None]])
+        values = np.hstack([beta, -np.ones((count, 1))])
+        starts = np.arange(count + 1) * (links.shape[1] + 1)
+        block = sp.csr_array((values.ravel(), columns.ravel(), starts), shape=(count, n))
+        self.program.add_rows(block, np.full(count, -np.inf), -alpha)
+        low, high = reach(beta, v.lower[links], v.upper[links])
         lower, upper = self._theta_box
-        self._theta_box = (
-            np.maximum(lower, second.alpha + low),
-            np.maximum(upper, second.alpha + high),
+        lower[chosen] = np.maximum(lower[chosen], alpha + low)
+        upper[chosen] = np.maximum(upper[chosen], alpha + high)
+        self.program.set_bounds(self._theta, self._floor, np.full(len(self._theta), np.inf))
+
+    def add_falling(self, trial: Trial, second: SecondStage, branches: Ints) -> None:
+        r"""Adds sharper cuts of some branches at whole designs of zeros and ones.
+
+        Of a branch whose cost falls with what is built, nobody who builds less saves anything; and
+        whoever builds any of the rest saves no more than what it costs above its floor:
+
+        $$ \theta_s \ge Q_s(\hat x) - \sum_{j: \hat x_j = 0}
+           \min\{-\beta_j, Q_s(\hat x) - \underline{\theta}_s\}\, x_j $$
+        """
+        falls = self.two_stage.falls
+        if falls is None or not len(chosen := branches[falls[branches]]):
+            return
+        x, (built, lowest, highest, *_) = trial.states, self.two_stage.first.form.design_numbers
+        if (lowest != 0.0).any() or (highest != 1.0).any():
+            return
+        value = second.alpha + (second.beta * x).sum(axis=1)
+        above = np.maximum(value - self._floor, 0.0)[:, None]
+        beta = np.zeros_like(second.beta)
+        beta[:, built] = np.where(
+            x[:, built] < 0.5, np.maximum(np.minimum(second.beta[:, built], 0.0), -above), 0.0
         )
-        free = np.full(n_branches, np.inf)
-        self.program.set_bounds(self._theta, -free, free)
+        self.add(SecondStage(second.cost, value, beta, []), chosen)
+
+    def violated(self, trial: Trial, second: SecondStage) -> Ints:
+        """Branches that cost more at a trial than the cuts so far say."""
+        room = CUT_TOLERANCE * np.maximum(np.abs(second.cost), self.two_stage.cost_scale)
+        return np.flatnonzero(second.cost > trial.theta + room)
 
     def _trial(self, z: Floats, bound: float) -> Trial:
         first = z[: self._prices.shape[1]]
         spent = np.cumsum(self._prices @ first + self._offset)
         up_to = np.append(spent, 0.0)[self.trunk_nodes]
         stays = spent[-1] + first[self._future]
-        return Trial(first, z[self.links], np.append(up_to, stays), bound)
+        units = z[self.units]
+        is_whole = bool((np.abs(units - np.round(units)) <= INTEGRALITY_TOLERANCE).all())
+        spent = np.append(up_to, stays)
+        return Trial(first, z[self.links], spent, bound, z[self._theta], is_whole)
 
     def _bound(self, multipliers: Floats) -> float:
         """A bound over a box that holds an optimum: theta within its cuts' reach, and so on."""

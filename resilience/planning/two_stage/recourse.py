@@ -4,7 +4,8 @@ Branches of the same steps share a program that is solved again and again by cha
 first from the basis of the branch before, later from the branch's own. A branch that begins in the
 midst of it has the steps before held at zero and their rows let go. Branches lie in the order of
 the tree, cut into a fixed number of batches with a solver each, so that batches may be solved side
-by side and the result does not depend on how many are.
+by side and the result does not depend on how many are. Where it is said on which states a branch
+depends, it is solved once for each of their values.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from resilience.models.backends.highs_model import Basis
 from resilience.models.backends.lower import lower
 from resilience.models.methods.explain import grouped
 from resilience.models.program.dual_bound import safe_cut
-from resilience.models.program.standard import Standard, Vectors
+from resilience.models.program.standard import Standard, Vectors, reach
 from resilience.models.structures import Discs
 from resilience.planning.two_stage.two_stage import ScenarioBranch, TwoStage
 
@@ -44,6 +45,7 @@ class SecondStage:
         alpha: (branches,) $, constants of cuts: cost >= alpha + beta @ state, everywhere.
         beta: (branches, states) their slopes, $ per unit of each state.
         points: values of every branch in the columns of its program; steps before it are zero.
+            Empty where answers are remembered: they would fill any memory.
     """
 
     cost: Floats
@@ -139,6 +141,7 @@ class Recourse:
         self._solvers = [[Highs(program) for program in lowered] for _ in self._batches]
         # A branch's own last basis is a few pivots away; that of its neighbour, some hundred.
         self._bases: list[Basis | None] = [None] * n
+        self._known: list[dict[bytes, _BranchSolution]] = [{} for _ in range(n)]
 
     def solve(self, states: Floats) -> SecondStage:
         """Solves every branch from its state, (branches, states).
@@ -150,7 +153,7 @@ class Recourse:
         """
 
         def solve_batch(k: int) -> list[_BranchSolution]:
-            return [self._solved(b, self._solvers[k], states[b]) for b in self._batches[k]]
+            return [self._remembered(b, self._solvers[k], states[b]) for b in self._batches[k]]
 
         batches = range(len(self._batches))
         if self.workers > 1 and len(batches) > 1:
@@ -165,6 +168,39 @@ class Recourse:
             np.reshape([s.beta for s in solutions], (n, width)),
             [s.point for s in solutions],
         )
+
+    def floors(self, states: Floats) -> Floats:
+        """(branches,) $ that each costs at least, whatever is built; other states as they are.
+
+        Raises:
+            As `solve`.
+        """
+        floors = np.empty(len(states))
+        for k, batch in enumerate(self._batches):
+            for b in batch:
+                numbers = self._numbers[b]
+                form = self.two_stage.programs[numbers.branch.program].form
+                v, (built, lowest, highest, *_) = self._vectors(b, states[b]), form.design_numbers
+                v.lower[built], v.upper[built] = lowest, highest
+                solution = self._answer(b, self._solvers[k], v)
+                alpha, beta = self._cut(numbers, self._solvers[k], v, solution)
+                low, _ = reach(beta, v.lower[numbers.link], v.upper[numbers.link])
+                floors[b] = alpha + low
+        return floors
+
+    def _remembered(self, k: int, solvers: list[Highs], state: Floats) -> _BranchSolution:
+        """A branch at a state, solved where nothing that it depends on is as once before."""
+        matters = self.two_stage.matters
+        if matters is None:
+            return self._solved(k, solvers, state)
+        key, answers = state[matters[k]].tobytes(), self._known[k]
+        if key not in answers:
+            answer, idle = self._solved(k, solvers, state), ~matters[k]
+            # The cut is to be as sharp wherever the branch costs the same.
+            alpha, beta = answer.alpha + float(answer.beta[idle] @ state[idle]), answer.beta.copy()
+            beta[idle] = 0.0
+            answers[key] = _BranchSolution(answer.cost, alpha, beta, np.empty(0))
+        return answers[key]
 
     def _program(self, k: int) -> _BranchProgram:
         standard = self.two_stage.programs[k]
@@ -213,8 +249,27 @@ class Recourse:
         return v
 
     def _solved(self, k: int, solvers: list[Highs], state: Floats) -> _BranchSolution:
+        numbers, v = self._numbers[k], self._vectors(k, state)
+        solution = self._answer(k, solvers, v)
+        alpha, beta = self._cut(numbers, solvers, v, solution)
+        if not np.isfinite(alpha):
+            alpha = solution.objective - float(beta @ state)
+        assert solution.z is not None
+        return _BranchSolution(solution.objective, alpha, beta, solution.z)
+
+    def _cut(
+        self, numbers: _BranchNumbers, solvers: list[Highs], v: Vectors, solution: Solution
+    ) -> tuple[float, Floats]:
+        """Constant and slopes of the cut that a branch's multipliers make."""
+        assert solution.duals is not None
+        solver = solvers[numbers.branch.program]
+        transposed = self._transposed[numbers.branch.program]
+        return safe_cut(transposed, solver.lowered.vectors(v), solution.duals.rows, numbers.link)
+
+    def _answer(self, k: int, solvers: list[Highs], v: Vectors) -> Solution:
+        """The optimum of a branch, from the basis that it had last."""
         numbers, basis = self._numbers[k], self._bases[k]
-        solver, v = solvers[numbers.branch.program], self._vectors(k, state)
+        solver = solvers[numbers.branch.program]
         if basis is not None:
             solver.resume_at(basis)
         solver.update(v)
@@ -225,12 +280,7 @@ class Recourse:
         self._bases[k] = solver.basis()
         if solution.z is None or solution.status != "optimal" or solution.duals is None:
             raise self._no_recourse(k, solver, solution)
-        transposed = self._transposed[numbers.branch.program]
-        lowered = solver.lowered.vectors(v)
-        alpha, beta = safe_cut(transposed, lowered, solution.duals.rows, numbers.link)
-        if not np.isfinite(alpha):
-            alpha = solution.objective - float(beta @ state)
-        return _BranchSolution(solution.objective, alpha, beta, solution.z)
+        return solution
 
     def _no_recourse(
         self, k: int, solver: Highs, solution: Solution
@@ -256,7 +306,7 @@ def _now_price_and_offset(
     standard: Standard, data: dict[str, Floats], start: int
 ) -> tuple[Floats, float]:
     """Prices of the states that the step `start` begins with, and what the steps from it on cost
-    whatever is done, in $.
+    whatever is done, in $. What is built has its price in all of them.
     """
     offset, now_price = 0.0, np.zeros(standard.n_states)
     for stage in standard.copies:
@@ -264,5 +314,9 @@ def _now_price_and_offset(
         offset += float(stage.form.offsets(d)[stage.nodes >= start].sum())
         first = np.flatnonzero(stage.nodes == start)
         if len(first):
-            now_price = stage.form.prices(d[:, first])[: stage.form.n_now, 0]
+            now_price = now_price + stage.form.prices(d[:, first])[: stage.form.n_now, 0]
+        built = stage.form.design_numbers[0]
+        if len(built):
+            later = stage.form.prices(d[:, stage.nodes > start])
+            now_price[built] += later[built].sum(axis=1)
     return now_price, offset

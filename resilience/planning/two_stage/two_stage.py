@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Cut, Tree
 from resilience.models.program.gate import cost_scale
@@ -61,6 +61,9 @@ class TwoStage:
         x0: by name, (labels,) states at the start.
         cuts: worth of the states at the end.
         risk: the objective over the scenarios.
+        matters: (branches, states) states on which the cost of a branch depends; None: on all.
+        falls: (branches,) whether more of what is built never costs a branch more; None: nobody
+            knows.
     """
 
     stages: Sequence[Stage]
@@ -70,6 +73,8 @@ class TwoStage:
     x0: Mapping[str, Floats]
     cuts: Sequence[Cut] = ()
     risk: Risk = field(default_factory=Risk)
+    matters: Bools | None = None
+    falls: Bools | None = None
 
     def __post_init__(self) -> None:
         parent, m = self.tree.parent, self.trunk
