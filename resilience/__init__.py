@@ -36,12 +36,15 @@ if TYPE_CHECKING:
     from resilience.operation.operator import Operator
     from resilience.pages.write import write_page
     from resilience.planning.ac_check import ac_check_plan
+    from resilience.planning.hardening.harden import harden
+    from resilience.planning.hardening.report import Hardening
     from resilience.planning.plan import Plan, load_plan
     from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
     from resilience.planning.solve import solve
     from resilience.planning.sweep import sweep
     from resilience.planning.two_stage.scenario_options import ScenarioOptions
     from resilience.plots.feeder.picture import plot_map
+    from resilience.plots.hardening import plot_hardening
     from resilience.plots.hazard import plot_hazard
     from resilience.plots.learning import plot_learning
     from resilience.plots.plan import plot_plan
@@ -81,6 +84,7 @@ __all__ = [
     "Dispatcher",
     "FileError",
     "ForecastError",
+    "Hardening",
     "Hazard",
     "InfeasibleError",
     "Network",
@@ -109,12 +113,14 @@ __all__ = [
     "compare",
     "diff",
     "evaluate",
+    "harden",
     "hazard",
     "load_case",
     "load_comparison",
     "load_plan",
     "load_scenario_plan",
     "parse_outages",
+    "plot_hardening",
     "plot_hazard",
     "plot_learning",
     "plot_map",

@@ -20,7 +20,7 @@ from resilience.case.window import Window
 from resilience.errors import UsageError, did_you_mean, shortened
 
 _HORIZON = ("start", "slots", "step_min")
-_TABLES = {"outage", "geography", "storm", "blackout"}
+_TABLES = {"outage", "geography", "storm", "blackout", "plan"}
 _HEAD = (
     "name",
     "description",

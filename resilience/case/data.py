@@ -25,6 +25,7 @@ from resilience.case.schema import (
     LineTable,
     LoadTable,
     OutageTable,
+    PlanTable,
     PVTable,
     StormTable,
     TankTable,
@@ -84,6 +85,7 @@ class Case(Shown):
         geography: how `places` are points on the earth.
         storm: weather on a track, what it breaks, and how that is mended.
         blackout: lines that are lost together, for a time that nobody knows.
+        plan: what may be built before the storm.
         places: (x, y) of buses by name, in the network's source.
         omissions: what of the network's source is not modelled.
     """
@@ -109,6 +111,7 @@ class Case(Shown):
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     blackout: BlackoutTable | None = None
+    plan: PlanTable | None = None
     places: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     omissions: tuple[Omission, ...] = ()
 
@@ -351,7 +354,7 @@ class Case(Shown):
     def equals(self, other: Case) -> bool:
         """Whether both cases mean the same, whatever files they came from."""
         horizon = ("start", "slots", "step_min")
-        tables = ("outages", "outage", "geography", "line", "tank", "blackout")
+        tables = ("outages", "outage", "geography", "line", "tank", "blackout", "plan")
         plain = ("name", "description", *horizon, *tables)
         return (
             all(getattr(self, key) == getattr(other, key) for key in plain)

@@ -13,6 +13,7 @@ from resilience.case.checks.blackout import check_blackout
 from resilience.case.checks.checks import check_parts
 from resilience.case.checks.geography import check_geography
 from resilience.case.checks.parts import Parts
+from resilience.case.checks.plan import check_plan
 from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
@@ -43,6 +44,7 @@ from resilience.case.schema import (
     LineTable,
     NetworkTable,
     OutageTable,
+    PlanTable,
     ProfilesTable,
     StormTable,
     TankTable,
@@ -108,6 +110,7 @@ def build_case(document: Document) -> Case:
         check_storm(parts, parts.storm)
     if parts.blackout is not None:
         check_blackout(parts, parts.blackout)
+    check_plan(parts)
     profiles = _read_profiles(parts)
     outages = _read_outages(parts, head)
     if head.reserve_price_per_mwh is not None and not document.mistakes:
@@ -133,6 +136,7 @@ def build_case(document: Document) -> Case:
         geography=parts.geography,
         storm=parts.storm,
         blackout=parts.blackout,
+        plan=parts.plan,
         places=parts.places,
         omissions=parts.omissions,
         terminal_value_per_mwh=head.terminal_value_per_mwh,
@@ -188,7 +192,9 @@ def _read_outage(document: Document) -> OutageTable:
 
 
 def _read_weather(parts: Parts) -> None:
-    """Reads `[geography]`, `[storm]` and `[blackout]` if any; an unsound one stands as it is."""
+    """Reads `[geography]`, `[storm]`, `[blackout]` and `[plan]` if any; an unsound one stands as
+    it is.
+    """
     data, document = parts.document.data, parts.document
     if data.get("geography") is not None:
         where = ("geography",)
@@ -202,6 +208,8 @@ def _read_weather(parts: Parts) -> None:
         parts.blackout = read_table(BlackoutTable, data["blackout"], document, "[blackout]", where)[
             0
         ]
+    if data.get("plan") is not None:
+        parts.plan = read_table(PlanTable, data["plan"], document, "[plan]", ("plan",))[0]
 
 
 def _required(document: Document, key: str, hint: str) -> TomlTable | None:

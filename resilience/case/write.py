@@ -35,7 +35,7 @@ def case_text(case: Case) -> str:
     }
     for kind, tables in case.devices.items():
         data[kind] = [plain(table) for table in tables]
-    for key in ("geography", "storm", "blackout"):
+    for key in ("geography", "storm", "blackout", "plan"):
         if getattr(case, key) is not None:
             data[key] = plain(getattr(case, key))
     if case.reserve_price_per_mwh is not None:

@@ -18,6 +18,7 @@ import typer.core
 
 from resilience.cli import options, pages, terminal
 from resilience.cli.case import case_app
+from resilience.cli.harden import harden
 from resilience.cli.operate import operate, serve
 from resilience.cli.reproduce import reproduce
 from resilience.cli.storms import hazard, scenarios
@@ -236,6 +237,7 @@ for _command in (
     scenarios,
     hazard,
     survive,
+    harden,
     operate,
     serve,
     train,

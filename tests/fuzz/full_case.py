@@ -157,6 +157,10 @@ def stormy_case() -> dict[str, Any]:
         "hardening": 1.5, "span_m": 45.0, "pole": "mine", "underground": False, "rating_mva": 4.0,
     }  # fmt: skip
     data["line"][1] |= {"switching_cost": 1.0}
+    data["line"][0] |= {
+        "harden": [{"factor": 1.4, "cost": 30.0}, {"underground": True, "cost": 200.0}]
+    }
+    data["plan"] = {"budget": 1000.0, "harden": [{"factor": 1.5, "cost": 40.0}]}
     data["defaults"] |= {
         "ess": {"efficiency_charge": 0.93}, "grid": {"v_pu": 1.0},
         "pv": {"curtailable": True}, "generator": {"initial_hours": 12.0},

@@ -10,7 +10,14 @@ from resilience.case.document import Document
 from resilience.case.inline import Inline
 from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission
-from resilience.case.schema import BlackoutTable, GeographyTable, LineTable, StormTable, TankTable
+from resilience.case.schema import (
+    BlackoutTable,
+    GeographyTable,
+    LineTable,
+    PlanTable,
+    StormTable,
+    TankTable,
+)
 from resilience.case.window import Window
 
 
@@ -30,6 +37,7 @@ class Parts:
         geography: the table `[geography]`.
         storm: the table `[storm]`.
         blackout: the table `[blackout]`.
+        plan: the table `[plan]`.
         devices: by kind, tables with their titles in messages: `[[ess]] ess2`.
     """
 
@@ -44,6 +52,7 @@ class Parts:
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     blackout: BlackoutTable | None = None
+    plan: PlanTable | None = None
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)
 
     def all_devices(self) -> Iterator[tuple[str, Any, str]]:

@@ -37,6 +37,7 @@ from resilience.case.schema.tables import (
     LineTable,
     NetworkTable,
     OutageTable,
+    PlanTable,
     ProfilesTable,
     TankTable,
     TimeTable,
@@ -334,6 +335,7 @@ class _NetworkAndTime(HeadTable):
     geography: GeographyTable | None = None
     storm: StormTable | None = None
     blackout: BlackoutTable | None = None
+    plan: PlanTable | None = None
 
 
 def defaults_table() -> type[Table]:

@@ -105,6 +105,28 @@ class NetworkTable(Table):
     )
 
 
+class StrengthTable(Table):
+    """`[[line.harden]]`: one way of strengthening a line before the storm."""
+
+    factor: Annotated[float, Field(gt=1)] | None = Field(
+        None, description="times as strong as the line is now; or say underground"
+    )
+    underground: bool = Field(False, description="true: it becomes a cable, which no storm breaks")
+    cost: Money = Field(description="to build it, $")
+
+
+class PlanTable(Table):
+    """`[plan]`: what may be built before the storm."""
+
+    budget: Money | None = Field(None, description="most that may be spent, $")
+    harden: tuple[StrengthTable, ...] = Field(
+        (),
+        strict=False,
+        description="ways of strengthening every line that the storm may break and that does not "
+        "say its own",
+    )
+
+
 class LineTable(Table):
     """`[[line]]`: says more about a line of the network, wherever the network comes from."""
 
@@ -134,6 +156,9 @@ class LineTable(Table):
     )
     span_m: Positive | None = Field(
         None, description="longest distance between its poles, m, in place of the geography's"
+    )
+    harden: tuple[StrengthTable, ...] = Field(
+        (), strict=False, description="ways of strengthening it before the storm, one to be chosen"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from resilience.arrays import Floats, Ints
@@ -33,7 +33,11 @@ def check_names(case: Case) -> None:
 
 
 def lines_of(
-    case: Case, names: Sequence[str], span_line: Ints, bearing_deg: Floats | None = None
+    case: Case,
+    names: Sequence[str],
+    span_line: Ints,
+    bearing_deg: Floats | None = None,
+    factors: Mapping[str, float] | None = None,
 ) -> SpannedLines:
     """Lines of a case with the strength that the case gives each.
 
@@ -42,6 +46,7 @@ def lines_of(
         names: of the lines.
         span_line: (spans,) index in `names` of the line that a span belongs to.
         bearing_deg: (spans,) directions, if only the wind across counts.
+        factors: what multiplies the strength of some lines besides.
 
     Raises:
         KeyError: a curve that nothing has; see `check_names`.
@@ -50,11 +55,14 @@ def lines_of(
     curves = curves_of(table)
     tables = {line.name: line for line in case.line}
     lines = [tables.get(name, LineTable(name=name)) for name in names]
-    factors = {line.name: line.hardening or table.hardening for line in lines}
+    more = factors or {}
+    strength = {
+        line.name: (line.hardening or table.hardening) * more.get(line.name, 1.0) for line in lines
+    }
     return poles_in_series(
         names, span_line, pole=[curves[line.pole or table.pole] for line in lines],
         conductor=curves[table.conductor] if table.conductor else None,
-        hardened_by=factors, correlation=table.correlation, bearing_deg=bearing_deg,
+        hardened_by=strength, correlation=table.correlation, bearing_deg=bearing_deg,
     )  # fmt: skip
 
 

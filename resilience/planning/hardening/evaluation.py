@@ -1,0 +1,103 @@
+"""What storms cost with something built: every storm solved for itself, as it really is.
+
+The same program that any plan over scenarios is measured against: each storm known from its start,
+islands without a source dark, as many crews as there are. The choice is made in a program that lets
+every island live and has crews without limit; what it is worth is told from here.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from resilience.arrays import Floats
+from resilience.case import Case
+from resilience.case.critical import critical_loads
+from resilience.fragility.outages.scenarios import Scenarios
+from resilience.fragility.outages.weights import standard_error
+from resilience.models.microgrid import Physics
+from resilience.models.program.risk import Risk
+from resilience.models.program.risk_measures import conditional_value_at_risk
+from resilience.planning.scenario_program import DistinctScenarios, scenario_program
+from resilience.planning.two_stage.recourse import Recourse
+from resilience.simulation.world import microgrid_with_fallible_lines
+from resilience.tolerances import RELAXATION_TOLERANCE
+
+
+@dataclass(frozen=True, eq=False)
+class StormOutcomes:
+    """What each of some storms costs.
+
+    Attributes:
+        probability: (storms,) of each.
+        cost: (storms,) $, operating cost less terminal credit.
+        shed_mwh: (storms,) energy not served, MWh.
+        critical_mwh: (storms,) of critical loads, MWh.
+        critical_h: (storms,) hours in which a critical load is not fully served.
+    """
+
+    probability: Floats
+    cost: Floats
+    shed_mwh: Floats
+    critical_mwh: Floats
+    critical_h: Floats
+
+    def mean(self, name: str) -> float:
+        """The expected value of one of the arrays."""
+        return float(self.probability @ getattr(self, name))
+
+    def error(self, name: str) -> float:
+        """Its standard error; NaN of a single storm."""
+        return standard_error(getattr(self, name), self.probability)
+
+    def cvar(self, alpha: float) -> float:
+        """$ of the mean of the worst 1 - alpha."""
+        return conditional_value_at_risk(self.cost, alpha, self.probability)
+
+    def saving(self, before: StormOutcomes) -> tuple[float, float]:
+        """$ that are saved against the same storms before, and the standard error, paired."""
+        saved = before.cost - self.cost
+        return float(self.probability @ saved), standard_error(saved, self.probability)
+
+    def value(self, risk: Risk) -> float:
+        """$ of the risk over the storms."""
+        return risk.value(self.cost, self.probability)
+
+
+def outcomes_of(case: Case, scenarios: Scenarios, physics: Physics) -> StormOutcomes:
+    """What the storms cost, each known from its start.
+
+    Args:
+        case: the case.
+        scenarios: the storms.
+        physics: of every storm, a linear one.
+
+    Raises:
+        InfeasibleError: a storm has no plan; it is named.
+        SolverError: the solver failed.
+    """
+    microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
+    distinct = DistinctScenarios.among(scenarios, microgrid.case)
+    two_stage = scenario_program(microgrid, distinct, common_slots=0).two_stage
+    starts = two_stage.first.initial
+    x0 = np.concatenate([np.empty(0), *(two_stage.x0[name] for name in starts)])
+    states = np.tile(x0, (len(two_stage.branches), 1))
+    second = Recourse(two_stage, workers=os.cpu_count() or 1).solve(states)
+    shed = np.stack(
+        [
+            point[two_stage.programs[branch.program].columns("load.shed")]
+            for branch, point in zip(two_stage.branches, second.points, strict=True)
+        ],
+        axis=-1,
+    )
+    critical = shed[critical_loads(case)]
+    is_unserved = (critical > RELAXATION_TOLERANCE).any(axis=0)
+    arrays = (
+        second.cost,
+        case.step_h * shed.sum(axis=(0, 1)),
+        case.step_h * critical.sum(axis=(0, 1)),
+        case.step_h * is_unserved.sum(axis=0),
+    )
+    return StormOutcomes(scenarios.probability, *(array[distinct.index] for array in arrays))

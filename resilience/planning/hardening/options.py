@@ -1,0 +1,68 @@
+"""What a case, or a user, offers to build: options of lines, in the order of the network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from resilience.case import Case
+from resilience.case.schema import LineTable, StrengthTable
+from resilience.errors import UsageError
+from resilience.planning.hardening.draws import StrengthOption
+
+
+def options_of(
+    case: Case,
+    fallible: Sequence[str],
+    *,
+    factor: float | None = None,
+    cost: float = 1.0,
+    lines: Sequence[str] | None = None,
+) -> tuple[StrengthOption, ...]:
+    """The options of every line that can be strengthened.
+
+    Args:
+        case: its `[[line]] harden`, or else `[plan] harden`, says what there is.
+        fallible: lines that the storm may break.
+        factor: in place of what the case says, one option for every line: so many times as strong.
+        cost: of that option, $.
+        lines: those alone, of the lines that the storm may break.
+
+    Raises:
+        UsageError: nothing to choose, a line that the storm does not break, one that is
+            switchable, or numbers out of range.
+    """
+    if factor is not None and not (1.0 < factor < math.inf and 0.0 <= cost < math.inf):
+        raise UsageError(
+            f"factor {factor:g}, cost {cost:g} $; allowed: a factor above 1, a cost of 0 or more",
+            hint="factor 1.5 is half as strong again",
+        )
+    strange = [name for name in lines or () if name not in fallible]
+    if strange:
+        raise UsageError(
+            f"line {', '.join(strange)} cannot be strengthened; allowed: {', '.join(fallible)}",
+            hint="cables, and lines that the storm does not break, have nothing to gain",
+        )
+    stated = {line.name: line for line in case.line}
+    common = () if case.plan is None else case.plan.harden
+    options: list[StrengthOption] = []
+    for name in fallible:
+        table = stated.get(name, LineTable(name=name))
+        if (lines is not None and name not in lines) or table.switchable:
+            continue
+        if factor is not None:
+            options.append(StrengthOption(name, factor, cost))
+        else:
+            options += [_option(name, strength) for strength in table.harden or common]
+    if not options:
+        raise UsageError(
+            f"case {case.name!r} offers nothing to build",
+            hint="state harden = [{ factor = 1.5, cost = 40000 }] in [plan] or in [[line]], or "
+            "give --factor and --cost for all lines",
+        )
+    return tuple(options)
+
+
+def _option(line: str, table: StrengthTable) -> StrengthOption:
+    factor = math.inf if table.factor is None else table.factor
+    return StrengthOption(line, factor, table.cost)

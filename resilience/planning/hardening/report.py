@@ -1,0 +1,217 @@
+"""`Hardening`: what to build before the storm, what it saves, and how sure that is."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from resilience.arrays import Bools, Floats
+from resilience.case import Case
+from resilience.files import replacing_file
+from resilience.models.program.risk import Risk
+from resilience.planning.hardening.draws import StrengthOption
+from resilience.planning.hardening.evaluation import StormOutcomes
+from resilience.planning.hardening.search import Choice
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEASURES = ("cost", "shed_mwh", "critical_mwh", "critical_h")
+
+
+@dataclass(frozen=True, eq=False)
+class Hardening:
+    """What to build, proven against some storms and judged on others.
+
+    Arrays of options are (options,), in the order of `options`.
+
+    Attributes:
+        case: the case, in the steps that were planned for.
+        options: what could be built.
+        risk: the objective over storms.
+        choice: the plan, proven on the storms that it was made for.
+        wanted_gap: relative gap that was asked for.
+        frontier: plans for other budgets, by rising budget.
+        sets: what is built, by name: `nothing`; the `plan`; `greedy`, what saves most per $ one by
+            one; `naive`, the lines most likely to fail; `all`, every line at its strongest.
+        fails: probability that the line of an option is down in a storm at all, as it is.
+        alone: $ of the risk that each option saves alone, on the storms of the plan.
+        beside: $ that each saves beside the plan: of the chosen ones what it would cost to leave
+            them out, of others what they would save besides.
+        in_sample: by set, the storms of the plan, as they really are.
+        without_crews: $ of the risk of the plan, on its own storms, with crews without limit.
+        out_of_sample: by set, storms that the plan has not seen.
+        storms, new_storms: how many.
+        seed, new_seed: of their draws.
+        seconds: by phase.
+        notes: what a reader should know.
+    """
+
+    case: Case = field(repr=False)
+    options: tuple[StrengthOption, ...] = field(repr=False)
+    risk: Risk
+    choice: Choice = field(repr=False)
+    wanted_gap: float
+    frontier: tuple[Choice, ...] = field(repr=False)
+    sets: dict[str, Bools] = field(repr=False)
+    fails: Floats = field(repr=False)
+    alone: Floats = field(repr=False)
+    beside: Floats = field(repr=False)
+    in_sample: dict[str, StormOutcomes] = field(repr=False)
+    without_crews: float
+    out_of_sample: dict[str, StormOutcomes] = field(repr=False)
+    storms: int
+    new_storms: int
+    seed: int
+    new_seed: int
+    seconds: dict[str, float] = field(repr=False)
+    notes: tuple[str, ...] = field(repr=False)
+
+    @property
+    def budget(self) -> float:
+        """$ that might be spent."""
+        return self.choice.budget
+
+    @property
+    def chosen(self) -> tuple[StrengthOption, ...]:
+        """What is built."""
+        return tuple(self.options[k] for k in np.flatnonzero(self.choice.chosen))
+
+    @property
+    def cost(self) -> float:
+        """$ to build it."""
+        return float(sum(option.cost for option in self.chosen))
+
+    @property
+    def status(self) -> str:
+        """`optimal` where the gap that was asked for is proven, else `feasible`."""
+        return "optimal" if self.choice.gap <= self.wanted_gap else "feasible"
+
+    @cached_property
+    def next_best(self) -> StrengthOption | None:
+        """The option that saves most per $ beside the plan; None where none saves anything."""
+        lines = {option.line for option in self.chosen}
+        worth = np.array(
+            [
+                -math.inf if option.line in lines else saved / max(option.cost, 1e-300)
+                for option, saved in zip(self.options, self.beside, strict=True)
+            ]
+        )
+        best = int(np.argmax(worth))
+        return self.options[best] if worth[best] > 0.0 and np.isfinite(worth[best]) else None
+
+    def frame(self) -> pd.DataFrame:
+        """A row per option: cost, failures, what it saves alone and beside the plan, chosen."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "line": [option.line for option in self.options],
+                "factor": [option.factor for option in self.options],
+                "cost": [option.cost for option in self.options],
+                "fails": self.fails,
+                "saves_alone": self.alone,
+                "saves_beside": self.beside,
+                "chosen": self.choice.chosen,
+            },
+            index=pd.Index([option.label for option in self.options], name="option"),
+        )
+
+    def comparison(self, *, new: bool = True) -> pd.DataFrame:
+        """A row per set: the mean of every measure and its standard error, CVaR, what is saved.
+
+        Args:
+            new: on the storms that the plan has not seen; else on its own.
+        """
+        import pandas as pd
+
+        outcomes = self.out_of_sample if new else self.in_sample
+        rows = {}
+        for name, storms in outcomes.items():
+            row: dict[str, float] = {"built": int(self.sets[name].sum())}
+            for measure in MEASURES:
+                row |= {measure: storms.mean(measure), f"{measure}_error": storms.error(measure)}
+            saved, error = storms.saving(outcomes["nothing"])
+            alpha = self.risk.alpha
+            rows[name] = row | {"cvar": storms.cvar(alpha), "saved": saved, "saved_error": error}
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
+
+    def frontier_frame(self) -> pd.DataFrame:
+        """A row per budget: what is spent, the risk in $, its bound, and what is built."""
+        import pandas as pd
+
+        cost = np.array([option.cost for option in self.options])
+        return pd.DataFrame(
+            {
+                "spent": [float(cost @ choice.chosen) for choice in self.frontier],
+                "value": [choice.value for choice in self.frontier],
+                "bound": [choice.bound for choice in self.frontier],
+                "built": [self._labels(choice.chosen) for choice in self.frontier],
+            },
+            index=pd.Index([choice.budget for choice in self.frontier], name="budget"),
+        )
+
+    def _labels(self, chosen: Bools) -> str:
+        return ", ".join(self.options[k].label for k in np.flatnonzero(chosen))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain data; what is not defined is None."""
+        best = self.next_best
+        return _plain(
+            {
+                "case": self.case.name,
+                "risk": str(self.risk),
+                "budget": self.budget,
+                "cost": self.cost,
+                "status": self.status,
+                "objective": self.choice.value,
+                "bound": self.choice.bound,
+                "gap": self.choice.gap,
+                "rounds": self.choice.rounds,
+                "without_crews": self.without_crews,
+                "storms": self.storms,
+                "new_storms": self.new_storms,
+                "seed": self.seed,
+                "new_seed": self.new_seed,
+                "built": [option.label for option in self.chosen],
+                "next_best": None if best is None else best.label,
+                "options": self.frame().reset_index().to_dict("records"),
+                "in_sample": self.comparison(new=False).reset_index().to_dict("records"),
+                "out_of_sample": self.comparison().reset_index().to_dict("records"),
+                "frontier": self.frontier_frame().reset_index().to_dict("records"),
+                "seconds": self.seconds,
+                "notes": list(self.notes),
+            }
+        )
+
+    def save(self, folder: str | Path) -> None:
+        """Writes summary.json, and the tables as options.csv, storms.csv and frontier.csv."""
+        path = Path(folder)
+        path.mkdir(parents=True, exist_ok=True)
+        with replacing_file(path / "summary.json") as fresh:
+            fresh.write_text(json.dumps(self.summary(), indent=2, allow_nan=False), "utf-8")
+        tables = {
+            "options": self.frame(),
+            "storms": self.comparison(),
+            "frontier": self.frontier_frame(),
+        }
+        for name, table in tables.items():
+            with replacing_file(path / f"{name}.csv") as fresh:
+                table.to_csv(fresh)
+
+
+def _plain(value: Any) -> Any:
+    """Plain data without numbers that JSON has no word for."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,105 @@
+"""What to build before the storm as a picture: the feeder with what is built, and the frontier."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.arrays import Floats
+from resilience.files import check_picture
+from resilience.planning.hardening.report import Hardening
+from resilience.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def plot_hardening(hardening: Hardening, path: str | Path | None = None) -> Figure:
+    """Draws the feeder with what is built, what it saves in new storms, and other budgets.
+
+    Lines are as wide as they are likely to fail. Without places of buses there is no map.
+
+    Args:
+        hardening: from `resilience.harden`.
+        path: a .png, .pdf or .svg file.
+
+    Raises:
+        UsageError: a suffix that is no picture format.
+    """
+    if path is not None:
+        check_picture(Path(path))
+    with style.look():
+        return style.write_figure(_draw(hardening), path)
+
+
+def _draw(hardening: Hardening) -> Figure:
+    from matplotlib.figure import Figure
+
+    panels = [_costs]
+    if len(hardening.frontier) > 1:
+        panels.append(_frontier)
+    if _places(hardening) is not None:
+        panels.insert(0, _map)
+    figure = Figure(figsize=(4.0 * len(panels), 3.6), layout="constrained")
+    for axis, draw in zip(np.ravel(figure.subplots(1, len(panels))), panels, strict=True):
+        draw(axis, hardening)
+    style.headed(
+        figure,
+        f"{hardening.case.name}: {len(hardening.chosen)} of {len(hardening.options)} options, "
+        f"{hardening.cost:,.10g} $",
+    )
+    return figure
+
+
+def _places(hardening: Hardening) -> Floats | None:
+    """(buses, 2) where the buses stand; None where any has no place."""
+    network, places = hardening.case.network, hardening.case.places
+    if any(name not in places for name in network.bus_names):
+        return None
+    return np.array([places[name] for name in network.bus_names], float)
+
+
+def _map(axis: Axes, hardening: Hardening) -> None:
+    place, network = _places(hardening), hardening.case.network
+    assert place is not None
+    fails = {o.line: p for o, p in zip(hardening.options, hardening.fails, strict=True)}
+    built = {option.line for option in hardening.chosen}
+    for k, name in enumerate(network.line_names):
+        if not network.in_service[k]:
+            continue
+        x, y = place[[network.from_bus[k], network.to_bus[k]]].T
+        colour = style.METHOD_COLOURS[1] if name in built else style.OUTAGE_COLOUR
+        axis.plot(x, y, color=colour, lw=0.8 + 6.0 * fails.get(name, 0.0), solid_capstyle="round")
+        if name in built:
+            axis.annotate(
+                name, (x.mean(), y.mean()), (3, 3), textcoords="offset points", fontsize=7
+            )
+    axis.plot(*place.T, "o", color="#000000", ms=2.2)
+    axis.set_title("built (orange), width: chance to fail", fontsize=9, loc="left")
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set_axis_off()
+
+
+def _costs(axis: Axes, hardening: Hardening) -> None:
+    table = hardening.comparison()
+    place = np.arange(len(table))
+    axis.bar(
+        place, table["cost"], yerr=table["cost_error"], color=style.METHOD_COLOURS[0], capsize=3
+    )
+    axis.set_xticks(place, [str(name) for name in table.index])
+    axis.set_ylabel("cost of a new storm, $")
+    style.open_frame(axis)
+
+
+def _frontier(axis: Axes, hardening: Hardening) -> None:
+    table = hardening.frontier_frame()
+    axis.plot(table.index, table["value"], "o-", color=style.METHOD_COLOURS[1], label="best choice")
+    axis.plot(table.index, table["bound"], "_", color=style.METHOD_COLOURS[0], ms=9, label="proven")
+    axis.set_xlabel("budget, $")
+    axis.set_ylabel("objective, $")
+    axis.set_ylim(bottom=0.0)
+    axis.legend(frameon=False)
+    style.open_frame(axis)

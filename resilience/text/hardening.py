@@ -1,0 +1,137 @@
+"""What to build before the storm, on the terminal: the plan, what it saves, and beside what."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from resilience.planning.hardening.report import Hardening
+from resilience.text.grid import grid
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def print_hardening(hardening: Hardening, console: Console) -> None:
+    """Prints what to build, what each part of it saves, and how all of it does in new storms."""
+    from rich.text import Text
+
+    h = hardening
+    head = f"  {h.storms} storms, seed {h.seed}, {h.risk}"
+    console.print(Text.assemble((h.case.name, "bold"), head), highlight=False)
+    console.print(_verdict(h), highlight=False)
+    console.print(grid("what to build", _chosen(h), "", "cost $", "fails", "alone $", "last $"))
+    title = "a storm that the plan has not seen"
+    console.print(grid(title, _judged(h), "", *_shown(h)), highlight=False)
+    if len(h.frontier) > 1:
+        heads = ("budget $", "spent $", "objective $", "proven $", "built")
+        console.print(grid("other budgets", _frontier(h), *heads))
+    for line in (*_remarks(h), *h.notes):
+        console.print(line, highlight=False)
+
+
+def _verdict(h: Hardening) -> str:
+    proof = "proven to" if h.status == "optimal" else "not proven further than to"
+    return (
+        f"{len(h.chosen)} of {len(h.options)} options for {h.cost:,.10g} $ of {h.budget:,.10g} $: "
+        f"objective {h.choice.value:.2f} $, bound {h.choice.bound:.2f} $, {proof} "
+        f"{100 * h.choice.gap:.2g} %"
+    )
+
+
+def _chosen(h: Hardening) -> list[tuple[str, ...]]:
+    """What is built, what saves most beside the others first."""
+    order = sorted(np.flatnonzero(h.choice.chosen), key=lambda k: -h.beside[k])
+    return [
+        (
+            h.options[k].label,
+            f"{h.options[k].cost:,.10g}",
+            f"{h.fails[k]:.1%}",
+            f"{h.alone[k]:.2f}",
+            f"{h.beside[k]:.2f}",
+        )
+        for k in order
+    ]
+
+
+def _shown(h: Hardening) -> list[str]:
+    """Names of the sets; greedy only where it is not the plan."""
+    same = (h.sets["greedy"] == h.sets["plan"]).all()
+    return [name for name in h.sets if name != "greedy" or not same]
+
+
+MEASURED = {
+    "cost, $": ("cost", 0),
+    "not served, MWh": ("shed_mwh", 2),
+    "critical, MWh": ("critical_mwh", 2),
+    "critical, h": ("critical_h", 2),
+    "saved, $": ("saved", 0),
+}
+"""By its words, a column of `Hardening.comparison` and the digits to show."""
+
+
+def _judged(h: Hardening) -> list[tuple[str, ...]]:
+    """A row per measure, a column per set."""
+    rows_by_set = {str(name): row for name, row in h.comparison().iterrows()}
+    table = [
+        {str(key): float(value) for key, value in rows_by_set[name].items()} for name in _shown(h)
+    ]
+    rows: list[tuple[str, ...]] = [("options", *(f"{row['built']:.0f}" for row in table))]
+    for words, (column, digits) in MEASURED.items():
+        pairs = [(row[column], row[f"{column}_error"]) for row in table]
+        rows.append((words, *(_with_error(*pair, digits) for pair in pairs)))
+    worst = f"worst {100 * (1 - h.risk.alpha):.3g} %, $"
+    rows.insert(2, (worst, *(f"{row['cvar']:.0f}" for row in table)))
+    return rows
+
+
+def _with_error(value: float, error: float, digits: int) -> str:
+    shown = f"{value:.{digits}f}"
+    return shown if math.isnan(error) or not error else f"{shown} ± {error:.{digits}f}"
+
+
+def _frontier(h: Hardening) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{budget:,.10g}",
+            f"{row['spent']:,.10g}",
+            f"{row['value']:.2f}",
+            f"{row['bound']:.2f}",
+            str(row["built"]),
+        )
+        for budget, row in h.frontier_frame().iterrows()
+    ]
+
+
+def _remarks(h: Hardening) -> list[str]:
+    sample, unseen = h.in_sample["plan"], h.out_of_sample["plan"]
+    same = (h.sets["greedy"] == h.sets["plan"]).all()
+    greedy = "finds the same" if same else "takes another way"
+    lines = [
+        f"± is the standard error over {h.new_storms} storms, seed {h.new_seed}; what is saved is "
+        f"paired, storm by storm. naive: the lines most likely to fail; greedy, what saves most "
+        f"per $ one by one, {greedy}.",
+        f"The storms that the plan was made for cost {sample.value(h.risk):.1f} $ with it, new "
+        f"ones {unseen.value(h.risk):.1f} $: a plan may look better where it was chosen.",
+        f"With as many crews as needed the former would cost {h.without_crews:.1f} $.",
+    ]
+    best = h.next_best
+    if best is not None:
+        saved = float(h.beside[h.options.index(best)])
+        lines.append(f"Next best: {best.label} for {best.cost:,.10g} $ would save {saved:.2f} $.")
+    return [*lines, *_left_alone(h)]
+
+
+def _left_alone(h: Hardening) -> list[str]:
+    """What the line that fails most often would save, where it is not built."""
+    k = int(np.argmax(h.fails))
+    option = h.options[k]
+    if option.line in {chosen.line for chosen in h.chosen}:
+        return []
+    return [
+        f"{option.line} fails most often, in {h.fails[k]:.0%} of storms, and is not built: it "
+        f"would save {h.alone[k]:.2f} $ alone and {h.beside[k]:.2f} $ beside the plan, as sources "
+        "behind it stand in for it, or other lines fail with it."
+    ]
