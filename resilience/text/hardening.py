@@ -64,9 +64,9 @@ def _shown(h: Hardening) -> list[str]:
 
 MEASURED = {
     "cost, $": ("cost", 0),
-    "not served, MWh": ("shed_mwh", 2),
-    "critical, MWh": ("critical_mwh", 2),
-    "critical, h": ("critical_h", 2),
+    "not served, MWh": ("shed_mwh", 1),
+    "critical, MWh": ("critical_mwh", 1),
+    "critical, h": ("critical_h", 1),
     "saved, $": ("saved", 0),
 }
 """By its words, a column of `Hardening.comparison` and the digits to show."""
