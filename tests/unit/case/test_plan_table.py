@@ -86,3 +86,11 @@ def test_nothing_to_choose_is_an_error() -> None:
         options_of(case, FALLIBLE, factor=1.5, lines=["9-9"])
     with pytest.raises(UsageError, match="factor 1"):
         options_of(case, FALLIBLE, factor=1.0)
+
+
+def test_options_are_read_beside_another_mistake() -> None:
+    """A wrong key of the same table leaves its options tables, and their mistakes are said, too."""
+    with pytest.raises(CaseError) as caught:
+        case_with({}, harden=[{"cost": 1.0}], rating_mva=-1.0)
+    assert "rating_mva" in str(caught.value)
+    assert "neither of them" in str(caught.value)
