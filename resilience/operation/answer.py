@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.case import Case
 from resilience.models.components import in_roles
 from resilience.models.simulator import Decision, Step
 from resilience.operation.present import Present
@@ -138,19 +140,13 @@ def set_points(present: Present, slot: Slot, step: Step) -> SetPoints:
         step: what follows the decision.
     """
     case, fleets = present.setting.case, present.setting.microgrid.fleets.values()
-    moved = {"ess.charge": step.charge, "ess.discharge": step.discharge}
-
-    def values(name: str) -> Floats:
-        return moved[name][:, 0] if name in moved else present.flow(name, slot, step)
-
+    values = partial(_flow, present, slot, step)
     power, shed = dict[str, float](), dict[str, float]()
     for fleet in in_roles(fleets, "storage", "dispatchable", "weather", "exchange", "load"):
         power |= _named(fleet.names, fleet.power(values))
         if fleet.role == "load":
             shed |= {k: v for k, v in _named(fleet.names, values(fleet.shed)).items() if v > 0.0}
-    units = [unit.name for unit in case.ess]
-    size = np.array([unit.e_mwh for unit in case.ess])
-    stored = step.energy[:, 0]
+    energy, soc = _stored(case, step)
     fuel = {} if step.fuel is None else _named(present.tanks, step.fuel[:, 0])
 
     def switched(state: str) -> dict[str, bool]:
@@ -159,8 +155,21 @@ def set_points(present: Present, slot: Slot, step: Step) -> SetPoints:
         return {name: bool(round(x)) for name, x in zip(names, numbers, strict=True)}
 
     on, closed = switched("generator.on"), switched("line.closed")
-    soc = _named(units, stored / size)
-    return SetPoints(power, _named(units, stored), soc, shed, on, closed, fuel)
+    return SetPoints(power, energy, soc, shed, on, closed, fuel)
+
+
+def _flow(present: Present, slot: Slot, step: Step, name: str) -> Floats:
+    """(units,) MW of a flow of the step."""
+    moved = {"ess.charge": step.charge, "ess.discharge": step.discharge}
+    return moved[name][:, 0] if name in moved else present.flow(name, slot, step)
+
+
+def _stored(case: Case, step: Step) -> tuple[dict[str, float], dict[str, float]]:
+    """MWh in every storage at the end, and its state of charge."""
+    names = [unit.name for unit in case.ess]
+    size_mwh = np.array([unit.e_mwh for unit in case.ess])
+    energy_mwh = step.energy[:, 0]
+    return _named(names, energy_mwh), _named(names, energy_mwh / size_mwh)
 
 
 def _named(names: Sequence[str], values: Floats) -> dict[str, float]:

@@ -156,11 +156,12 @@ def stormy_case() -> dict[str, Any]:
     data["line"][0] |= {
         "hardening": 1.5, "span_m": 45.0, "pole": "mine", "underground": False, "rating_mva": 4.0,
     }  # fmt: skip
-    data["line"][1] |= {"switching_cost": 1.0}
+    data["line"][1] |= {"switching_cost": 1.0, "in_service": False}
     data["line"][0] |= {
         "harden": [{"factor": 1.4, "cost": 30.0}, {"underground": True, "cost": 200.0}]
     }
-    data["plan"] = {"budget": 1000.0, "harden": [{"factor": 1.5, "cost": 40.0}]}
+    strengths = [{"factor": 1.5, "cost": 40.0}, {"underground": True, "cost": 90.0}]
+    data["plan"] = {"budget": 1000.0, "harden": strengths}
     data["defaults"] |= {
         "ess": {"efficiency_charge": 0.93}, "grid": {"v_pu": 1.0},
         "pv": {"curtailable": True}, "generator": {"initial_hours": 12.0},
@@ -178,7 +179,8 @@ def stormy_case() -> dict[str, Any]:
     del data["grid"][0]["import_cost_per_mwh"]
     data["generator"].append(dict(UNIT))
     data["tank"] = [TANK | {"delivery": [{"time": data["time"]["start"], "amount_m3": 0.5}]}]
-    return {"reserve_price_per_mwh": 500.0, "terminal_value_per_mwh": 0.3, **data}
+    prices = {"reserve_price": 500.0, "terminal_value": 0.3, "loss_cost": 0.01}
+    return {**{f"{name}_per_mwh": value for name, value in prices.items()}, **data}
 
 
 @cache

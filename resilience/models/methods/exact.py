@@ -90,8 +90,9 @@ def exact(program: CaseProgram, options: MethodOptions) -> MethodResult:
     search = ScipSearch(program, options.deadline())
     if can_branch(program.in_mw):
         _branch_first(search, options)
-    while not search.done and _held_more_modes(search):
-        pass
+    if search.best.z is None or not search.done:
+        while _held_more_modes(search):
+            pass
     if not search.done:
         with phase("SCIP", "AC equations"):
             strict = _scip(search, Pyomo(program.standard, solver="scip", gap=EXACT_GAP / 2))

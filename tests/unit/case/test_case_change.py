@@ -95,7 +95,7 @@ def test_devices_and_profiles_may_be_replaced_and_are_checked(case_file):
     np.testing.assert_array_equal(doubled.profile("homes"), 0.5 * case.profile("homes"))
     with pytest.raises(CaseError, match="soc_initial"):
         case.replace(ess=[bigger.model_copy(update={"soc_initial": 0.95})])
-    with pytest.raises(UsageError, match="network of a case cannot be replaced"):
+    with pytest.raises(UsageError, match="allowed: a table, or a network of pandapower"):
         case.replace(network=case.network)
 
 

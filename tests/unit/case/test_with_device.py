@@ -120,7 +120,7 @@ REFUSED: dict[str, tuple[Callable[[Case], Any], str]] = {
         ),
         "scenarios of 7 slots",
     ),
-    "tables": (lambda case: case.replace(ess=[{"name": "x"}]), "with_ess"),
+    "tables": (lambda case: case.replace(ess=[5]), "with_ess"),
     "profiles": (lambda case: case.replace(profiles={"homes": ["a"]}), "a number per slot"),
     "outages": (lambda case: case.replace(outages=[5]), "texts"),
 }
