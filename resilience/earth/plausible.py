@@ -91,8 +91,9 @@ def odd_winds(
         vmax_mps: (n,) largest wind, as stated.
         agency: whose winds they are; they are compared as means over one minute.
     """
-    wind = to_one_minute(vmax_mps, agency)
-    usual = KNOT_MPS * usual_wind_kt(lat, lon, pressure_hpa)
+    with np.errstate(over="ignore"):  # numbers that are no weather are refused by their own rules
+        wind = to_one_minute(vmax_mps, agency)
+        usual = KNOT_MPS * usual_wind_kt(lat, lon, pressure_hpa)
     above = WIND_FACTOR * usual + WIND_MARGIN_KT * KNOT_MPS
     below = WEAKEST_SHARE * usual
     stated = (pressure_hpa >= LOWEST_HPA) & np.isfinite(usual) & np.isfinite(wind)

@@ -50,14 +50,23 @@ def test_an_unknown_key_is_named_and_nothing_else_is(name: str, place: Place) ->
     assert ["hardning" in str(mistake) for mistake in refused.value.mistakes] == [True]
 
 
-def wrongs() -> dict[str, Callable[[dict[str, Any], str], object]]:
-    def set_to(value: object) -> Callable[[dict[str, Any], str], object]:
-        return lambda table, key: table.__setitem__(key, value)
+def grown(value: object) -> object:
+    """The value, every number in it beyond all measure."""
+    if isinstance(value, list):
+        return [grown(inner) for inner in value]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return 1.7e308 if is_number else value
 
-    return {"missing": dict.pop, "text": set_to("ten"), "list": set_to([[]]), "table": set_to({})}
+
+WRONGS: dict[str, Callable[[object], object]] = {
+    "text": lambda _: "ten",
+    "list": lambda _: [[]],
+    "table": lambda _: {},
+    "huge": grown,
+}
 
 
-@pytest.mark.parametrize("wrong", wrongs())
+@pytest.mark.parametrize("wrong", ["missing", *WRONGS])
 @pytest.mark.parametrize(("name", "place"), PLACES)
 def test_a_wrong_value_is_refused_or_read_but_never_a_traceback(
     name: str, place: Place, wrong: str
@@ -65,6 +74,10 @@ def test_a_wrong_value_is_refused_or_read_but_never_a_traceback(
     """Of every key of the table, one after the other."""
     for key in at(CASES[name](), place):
         data = copy.deepcopy(CASES[name]())
-        wrongs()[wrong](at(data, place), key)
+        table = at(data, place)
+        if wrong == "missing":
+            del table[key]
+        else:
+            table[key] = WRONGS[wrong](table[key])
         with suppress(CaseError):
             build_case(Document(None, data))
