@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from resilience.evaluation.ac_check import ac_check_trajectory
     from resilience.evaluation.compare import Report, compare, evaluate
     from resilience.evaluation.comparison import Comparison, load_comparison
-    from resilience.evaluation.survival import Survival, survive
+    from resilience.evaluation.survival import Survival, load_survival, survive
     from resilience.fragility.drawing import scenarios
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
@@ -119,6 +119,7 @@ __all__ = [
     "load_comparison",
     "load_plan",
     "load_scenario_plan",
+    "load_survival",
     "parse_outages",
     "plot_hardening",
     "plot_hazard",

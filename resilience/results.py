@@ -65,8 +65,11 @@ PLAN = ResultKind("plan")
 SCENARIO_PLAN = ResultKind("plan over scenarios")
 COMPARISON = ResultKind("comparison", lasting=(PARTS_FOLDER,))
 HAZARD = ResultKind("hazard", mark="hazard.json")
+SURVIVAL = ResultKind("survival")
 REPRODUCTION = ResultKind("reproduction", lasting=("*",))
-KINDS = {kind.name: kind for kind in (PLAN, SCENARIO_PLAN, COMPARISON, HAZARD, REPRODUCTION)}
+KINDS = {
+    kind.name: kind for kind in (PLAN, SCENARIO_PLAN, COMPARISON, HAZARD, SURVIVAL, REPRODUCTION)
+}
 """All kinds by name."""
 
 

@@ -38,7 +38,7 @@ def report(
         typer.Option(help="Page to write, a .html file; report.html in RUN if omitted."),
     ] = None,
 ) -> None:
-    """Write a saved plan, comparison or hazard as one page to send."""
+    """Write a saved plan, comparison, hazard or survival as one page to send."""
     from resilience.pages.saved import write_saved_page
 
     with terminal.notices():

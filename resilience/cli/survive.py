@@ -30,6 +30,9 @@ def survive(
         float, typer.Option("--every-h", help="Hours from one start to the next.")
     ] = 1.0,
     seed: Annotated[int, typer.Option(help="Of the failures of units.", min=0)] = 0,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for tables, summary.json and the case.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .pdf or .svg.")] = None,
     html: options.Page = None,
     as_json: options.AsJson = False,
@@ -38,14 +41,18 @@ def survive(
     """How likely loads are served through a loss of the main grid, by its duration."""
     import resilience as rs
     from resilience.files import check_picture
+    from resilience.results import SURVIVAL, check_replaceable
 
     if plot is not None:
         check_picture(plot)
     pages.check(html)
+    if out is not None:
+        check_replaceable(out, SURVIVAL)
     with terminal.progress(verbose):
         survival = rs.survive(case, _hours(durations), method=method, every_h=every_h, seed=seed)
     terminal.show(partial(_print, survival, as_json))
     terminal.write(
+        terminal.Output("tables", out, survival.save),
         terminal.Output("picture", plot, partial(rs.plot_survival, survival)),
         terminal.Output("page", html, partial(pages.write, survival)),
         quiet=as_json,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
@@ -56,7 +57,7 @@ ERRORS = {
     "gaussian": ForecastError(MEASURED_SIGMA, 0.0),
     "feeder": ForecastError(FEEDER_SIGMA, MEASURED_CORRELATION, FEEDER_COMMON),
 }
-Methods = Sequence[str] | Mapping[str, Factory]
+Methods: TypeAlias = "Sequence[str] | Mapping[str, Factory | str]"
 
 __all__ = ["Report", "compare", "evaluate", "held_out"]
 
@@ -87,8 +88,9 @@ def compare(  # noqa: PLR0913 every one is an option of the command line
 
     Args:
         case: a case, its file, or the name of an installed one.
-        methods: names from `DISPATCHERS`, `METHOD:RUN` for a trained policy, or names with a
-            function from a `Setting` to a dispatcher; rule 0.9 and the clairvoyant always act.
+        methods: names from `DISPATCHERS`, `METHOD:RUN` for a trained policy, or names of one's own,
+            each with one of these or a function from a `Setting` to a dispatcher; rule 0.9 and the
+            clairvoyant always act.
         days: days of an episode, the last ones of the profiles, 16 if omitted. A case with a storm
             keeps its own horizon, on which the storm is laid.
         draws: how many outage paths; every one is an episode. With fewer than 32, an interval may
@@ -279,7 +281,7 @@ def _makers(methods: Methods) -> dict[str, Factory]:
     """How to make every method.
 
     Raises:
-        UsageError: an unknown name, none at all, or one that is taken.
+        UsageError: an unknown name, none at all, one that is taken, or nothing that makes one.
     """
     if isinstance(methods, Mapping):
         if BOUND in methods:
@@ -287,13 +289,30 @@ def _makers(methods: Methods) -> dict[str, Factory]:
                 f"a method is called {BOUND!r}; allowed: any other name",
                 hint="the clairvoyant is the bound and always there",
             )
-        return dict(methods)
+        return {name: _maker(name, method) for name, method in methods.items()}
     if isinstance(methods, str):
         methods = [name.strip() for name in methods.split(",") if name.strip()]
     if not methods:
         raise UsageError("no method; allowed: one or more", hint=f"{REFERENCE} is always there")
     names = [name for name in dict.fromkeys(methods) if name != BOUND]
     return {name: factory_of(name) for name in names}
+
+
+def _maker(name: str, method: Factory | str) -> Factory:
+    """How to make a method that a user calls by a name of their own.
+
+    Raises:
+        UsageError: an unknown method, or what is neither a name nor a function.
+    """
+    if isinstance(method, str):
+        return factory_of(method)
+    if not callable(method):
+        raise UsageError(
+            f"method {name!r} is {type(method).__name__}; allowed: the name of one, or a function "
+            "from a Setting to a dispatcher",
+            hint="a dispatcher is made anew for every comparison: lambda setting: Mine(setting)",
+        )
+    return method
 
 
 def parse_error(text: ForecastError | str | None) -> ForecastError | None:

@@ -7,10 +7,13 @@ simulation answers for all of them. Deliveries of fuel come so many hours after 
 
 REopt asks so (Laws et al., Impacts of valuing resilience on cost-optimal PV and storage systems for
 commercial buildings, Renewable Energy 127, 2018), of one bus; here islands are those of the feeder.
+
+A saved one is a folder that appears whole or not at all; what is in it is `FILES`.
 """
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,17 +25,27 @@ import numpy as np
 from scipy.special import ndtri
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case import Case, load_case
+from resilience.case import Case, case_text, load_case
 from resilience.case.critical import critical_loads
 from resilience.case.days import profile_times
 from resilience.case.schema.tables import MAX_SLOTS
 from resilience.dispatch.registry import REFERENCE, Factory, factory_of
 from resilience.errors import UsageError
 from resilience.evaluation.measures.metrics import time_to_first_shed
+from resilience.files import reading
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.units import with_units
 from resilience.models.microgrid import Microgrid
 from resilience.progress import meter
+from resilience.results import (
+    SUMMARY_FILE,
+    SURVIVAL,
+    replacing,
+    stated_kind,
+    steady,
+    write_readme,
+    write_summary,
+)
 from resilience.shown import Shown
 from resilience.simulation.observation import Forecast, Observation, parts_of
 from resilience.simulation.stepping import stepped
@@ -44,6 +57,17 @@ if TYPE_CHECKING:
 DURATIONS_H = (6.0, 12.0, 24.0, 48.0, 72.0, 96.0, 120.0, 168.0)
 STARTS_AT_ONCE = 2048
 Z_95 = float(ndtri(0.975))
+STARTS = "starts.parquet"
+FILES = {
+    SUMMARY_FILE: "what `--json` prints: case, method, and a row per duration",
+    "durations.csv": "a row per duration in h: starts that it fits behind, and of these the share "
+    "in which critical loads, and all loads, are fully served, each with its 95 % interval",
+    f"starts.csv, {STARTS}": "a row per start, when the grid is lost: hours of profiles from there "
+    "on (ahead_h), and hours until any load (all_h), and a critical one (critical_h, where some "
+    "are), is first shed; inf: never",
+    "case.toml": "the case without its grid, over the longest duration; it loads back",
+}
+"""What is in every file of a saved survival."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,6 +140,65 @@ class Survival(Shown):
         ]
         return {"case": self.case.name, "method": self.method, "durations": rows}
 
+    def save(self, folder: str | Path) -> Path:
+        """Writes the folder; an earlier one is replaced, anything else is refused.
+
+        Raises:
+            UsageError: the folder holds something else.
+            FileError: the system refuses, as where a disk is full.
+        """
+        with replacing(Path(folder), SURVIVAL) as target:
+            starts = self.starts()
+            self.frame().to_csv(target / "durations.csv")
+            starts.to_csv(target / "starts.csv", na_rep="nan")
+            starts.to_parquet(target / STARTS)
+            (target / "case.toml").write_text(case_text(self.case), encoding="utf-8")
+            write_readme(target, SURVIVAL, FILES)
+            write_summary(target, SURVIVAL, self.summary())
+        return Path(folder)
+
+
+def load_survival(folder: str | Path) -> Survival:
+    """Reads what `Survival.save` wrote.
+
+    Raises:
+        UsageError: the folder holds no survival, or a damaged one.
+    """
+    root = Path(folder)
+    with steady(root):
+        if not holds_survival(root):
+            raise UsageError(
+                f"{root} holds no survival; allowed: what `resilience survive --out` wrote",
+                hint="name the folder that was given to --out",
+            )
+        return _load_survival(root)
+
+
+def holds_survival(folder: Path) -> bool:
+    """Whether a folder holds what `Survival.save` writes."""
+    return stated_kind(folder) == SURVIVAL.name
+
+
+def _load_survival(root: Path) -> Survival:
+    import pandas as pd
+
+    case = load_case(root / "case.toml")
+    with reading(root, "survival"):
+        summary = json.loads((root / SUMMARY_FILE).read_text(encoding="utf-8"))
+        starts = pd.read_parquet(root / STARTS)
+        survival = Survival(
+            case,
+            summary["method"],
+            tuple(float(row["duration_h"]) for row in summary["durations"]),
+            starts.index.to_numpy().astype("datetime64[us]"),
+            starts["ahead_h"].to_numpy(float),
+            starts["critical_h"].to_numpy(float) if "critical_h" in starts else None,
+            starts["all_h"].to_numpy(float),
+        )
+        if survival.summary()["durations"] != summary["durations"]:
+            raise ValueError(f"{SUMMARY_FILE} and {STARTS} contradict each other")
+    return survival
+
 
 @dataclass(frozen=True)
 class _Starts(World):
@@ -161,8 +244,8 @@ def survive(
 
     Raises:
         CaseError: the case has mistakes, or cannot do without a grid; all of them are listed.
-        UsageError: durations or hours out of range, an unknown method, or profiles that are shorter
-            than the longest duration.
+        UsageError: durations or hours out of range, an unknown method, profiles that are shorter
+            than the longest duration, or a case without loads.
     """
     case = case if isinstance(case, Case) else load_case(case)
     make, durations = factory_of(method), tuple(sorted({float(d) for d in durations_h}))
@@ -202,6 +285,12 @@ def _checked(case: Case, durations: tuple[float, ...], every_h: float) -> tuple[
     Raises:
         UsageError: what is asked for is out of range.
     """
+    if not case.load:
+        raise UsageError(
+            f"case {case.name!r} has no loads that a loss of the grid could leave unserved; "
+            "allowed: one or more",
+            hint="[[load]] with bus, p_max_mw and shed_cost_per_mwh adds one",
+        )
     times = profile_times(case)
     full_case = case.replace(outages=())
     if times is not None:

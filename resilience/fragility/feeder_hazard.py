@@ -1,14 +1,6 @@
 """`hazard`: what a storm on its track does to the lines of a feeder, and the islands that follow.
 
-A saved one is a folder that appears whole or not at all:
-
-    hazard.json      what `--json` prints, and `kind`
-    hazard.csv       probability that a line which stood fails in a slot, a column per line
-    failed_by.csv    probability that it has failed by the end of a slot, none mended
-    wind.csv         strongest wind along each line, m/s, as its curves want it
-    lines.csv        a row per line
-    loads.csv        a row per load
-    outages.npz      the sampled scenarios
+A saved one is a folder that appears whole or not at all; what is in it is `FILES`.
 """
 
 from __future__ import annotations
@@ -32,8 +24,23 @@ from resilience.fragility.chain import Storm, slot_times
 from resilience.fragility.likely import Likely, likely
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.tracks import interpolated
-from resilience.results import HAZARD, replacing, write_summary
+from resilience.results import HAZARD, replacing, write_readme, write_summary
 from resilience.shown import Shown
+
+FILES = {
+    "hazard.json": "what `--json` prints",
+    "hazard.csv": "probability that a line which stood fails in a slot: a row per slot, a column "
+    "per line",
+    "failed_by.csv": "probability that it has failed by the end of a slot, none mended; likewise",
+    "wind.csv": "m/s, strongest wind along each line in a slot, averaged as its curves want it",
+    "lines.csv": "a row per line: km, spans, m/s of its strongest wind, probability that it fails "
+    "and its standard error, when it most likely does, hours that it is down on average, and where "
+    "it is down at all",
+    "loads.csv": "a row per load: MW at its peak, whether it is critical, and without any source "
+    "the probability, the mean hours and the mean MWh (dark_...)",
+    "outages.npz": "the storms drawn: which line is down when; see resilience.Scenarios",
+}
+"""What is in every file of a saved hazard."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -194,6 +201,7 @@ class Hazard(Shown):
             for name, rows in (("lines", self.lines), ("loads", self.loads)):
                 _rows(target / f"{name}.csv", rows)
             self.scenarios.save(target / "outages.npz")
+            write_readme(target, HAZARD, FILES)
         return Path(folder)
 
     def _series(self, path: Path, values: Floats) -> None:

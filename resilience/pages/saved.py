@@ -1,4 +1,4 @@
-"""The page of what a folder holds: a plan of either kind, a comparison, or a hazard."""
+"""The page of what a folder holds: a plan of either kind, a comparison, a hazard or a survival."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ def write_saved_page(run: str | Path, path: str | Path | None = None) -> Path:
 
 def _page(folder: Path) -> str:
     from resilience.evaluation.comparison import is_comparison, load_comparison
+    from resilience.evaluation.survival import holds_survival, load_survival
     from resilience.planning.plan import load_plan
     from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
 
@@ -53,9 +54,14 @@ def _page(folder: Path) -> str:
             return comparison_page(compared, _summary(folder / SUMMARY_FILE))
     if not (folder / SUMMARY_FILE).is_file():
         raise UsageError(
-            f"{folder} holds no result; allowed: what solve, compare or hazard wrote with --out",
+            f"{folder} holds no result; allowed: what solve, compare, hazard or survive wrote with "
+            "--out",
             hint="name the folder that was given to --out",
         )
+    if holds_survival(folder):
+        from resilience.pages.survival_page import survival_page
+
+        return survival_page(load_survival(folder))
     if holds_scenario_plan(folder):
         from resilience.pages.scenario_page import scenario_page
 

@@ -1,4 +1,4 @@
-"""Pictures of what a folder holds: a plan, a training, or a comparison and its storms."""
+"""Pictures of what a folder holds: a plan, survival, training, or a comparison and its storms."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from resilience.plots.plan import plot_plan
 from resilience.plots.report import plot_report
 from resilience.plots.scenario_plan import plot_scenario_plan
 from resilience.plots.storm import plot_storm
-from resilience.results import settle
+from resilience.plots.survival import plot_survival
+from resilience.results import settle, stated_kind
 from resilience.rl.training.curves import run_folders
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def draw_run(
     episode: int | None = None,
     day: str | None = None,
 ) -> tuple[Path, str]:
-    """Draws what a folder holds: a plan, a training, a comparison, or with `method` a storm of it.
+    """Draws what a folder holds: a plan, survival, training, comparison, or with `method` a storm.
 
     Args:
         run: the folder.
@@ -45,6 +46,7 @@ def draw_run(
         FileError: the picture cannot be written.
     """
     from resilience.evaluation.comparison import is_comparison, load_comparison
+    from resilience.evaluation.survival import holds_survival, load_survival
     from resilience.evaluation.verdict import ranked
     from resilience.planning.plan import load_plan
     from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
@@ -56,6 +58,11 @@ def draw_run(
         _refuse(run, method=method, episode=episode, day=day)
         target = out or run / "learning.png"
         plot_learning(run, target)
+        return target, ""
+    if holds_survival(run):
+        _refuse(run, method=method, episode=episode, day=day)
+        target = out or run / "survival.png"
+        plot_survival(load_survival(run), target)
         return target, ""
     if not is_comparison(run):
         _refuse(run, method=method, episode=episode, day=day)
@@ -103,7 +110,7 @@ def draw_plan(plan: Plan | ScenarioPlan, path: Path) -> None:
 
 def _refuse(run: Path, **options: object) -> None:
     wrong = [f"--{name}" for name, value in options.items() if value is not None]
-    kind = "a training" if run_folders(run) else "a plan"
+    kind = "a training" if run_folders(run) else f"a {stated_kind(run) or 'plan'}"
     if wrong and (kind == "a training" or (run / "summary.json").is_file()):
         raise UsageError(
             f"{', '.join(wrong)}: {run} holds {kind}, no comparison",

@@ -181,6 +181,8 @@ def kinds(sources: Path) -> Iterator[Kind]:
     yield from comparisons(sources)
     first, second = (rs.hazard("ieee33_koinu", n=5, seed=seed) for seed in (3, 4))
     yield Kind("hazard", "run", first.save, second.save, settle)
+    lasting, shorter = (rs.survive(island(), hours) for hours in ([1.0, 2.0], [1.0]))
+    yield Kind("survival", "run", lasting.save, shorter.save, rs.load_survival)
     for suffix in ("npz", "csv"):
         yield Kind(
             f"scenarios {suffix}", f"storms.{suffix}", first.scenarios.save, second.scenarios.save,

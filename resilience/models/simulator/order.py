@@ -68,6 +68,8 @@ class Order:
             island: (buses, batch) number of the island of every bus.
             lost: (burners, batch) MW that burners cannot give for want of fuel; None: nothing.
         """
+        if not self.tiers:
+            return ops.wide(self.lowest(ops, data), island.shape[-1])
         share = ops.stacked(drawn) / ops.at_least(room, POWER_TOLERANCE_MW)
         share = ops.at_islands(share, island).reshape(-1, share.shape[-1])
         row = self.tier * self.n_buses + self.bus

@@ -395,3 +395,12 @@ def test_the_bound_cannot_be_played() -> None:
     with pytest.raises(rs.UsageError, match="a method is called 'clairvoyant'"):
         rs.evaluate(tiny(), {"clairvoyant": Listener})
     assert set(rs.evaluate(tiny(), ["clairvoyant"]).objective) == {"rule-0.9", "clairvoyant"}
+
+
+def test_a_method_may_have_a_name_of_ones_own() -> None:
+    renamed = rs.evaluate(tiny(), {"mine": "rule", "rule": "rule"})
+    np.testing.assert_array_equal(renamed.objective["mine"], renamed.objective["rule"])
+    with pytest.raises(rs.UsageError, match="'rull' is unknown"):
+        rs.evaluate(tiny(), {"mine": "rull"})
+    with pytest.raises(rs.UsageError, match=r"(?s)'mine' is int; allowed.*hint: "):
+        rs.evaluate(tiny(), {"mine": 3})  # type: ignore[dict-item]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -120,6 +122,11 @@ def test_what_cannot_be_asked(durations: tuple[float, ...], every_h: float, mess
         survive(store(), durations, every_h=every_h)
 
 
+def test_a_case_without_loads_has_nothing_to_survive() -> None:
+    with pytest.raises(UsageError, match=r"(?s)no loads.*hint: \[\[load\]\]"):
+        survive("analytic/arbitrage", (6, 12))
+
+
 def test_the_command_prints_a_row_per_duration() -> None:
     run = CliRunner().invoke(app, ["survive", "ieee33", "--durations", "6,24", "--every-h", "24"])
     assert run.exit_code == 0, run.output
@@ -133,6 +140,41 @@ def test_the_command_prints_a_row_per_duration() -> None:
     assert row["critical_served"] is None
     wrong = CliRunner().invoke(app, ["survive", "ieee33", "--durations", "6,x"])
     assert isinstance(wrong.exception, UsageError)
+
+
+def test_a_saved_survival_is_the_one_that_was_saved(tmp_path: Path) -> None:
+    survival = survive(store(), (2, 4))
+    loaded = rs.load_survival(survival.save(tmp_path / "run"))
+    assert loaded.case.equals(survival.case)
+    assert loaded.summary() == survival.summary()
+    pd.testing.assert_frame_equal(loaded.starts(), survival.starts())
+    readme = (tmp_path / "run" / "README.md").read_text(encoding="utf-8")
+    assert all(path.name in readme for path in (tmp_path / "run").iterdir() if path.suffix != ".md")
+    starts = pd.read_parquet(tmp_path / "run" / "starts.parquet")
+    starts.assign(all_h=0.0).to_parquet(tmp_path / "run" / "starts.parquet")
+    with pytest.raises(UsageError, match=r"run holds no survival.*contradict"):
+        rs.load_survival(tmp_path / "run")
+    with pytest.raises(UsageError, match="holds no survival; allowed"):
+        rs.load_survival(tmp_path)
+
+
+def test_a_saved_survival_is_drawn_and_replaced_by_its_kind_only(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    command = ["survive", "ieee33", "--durations", "6", "--every-h", "48", "--out", str(run)]
+    first = CliRunner().invoke(app, command)
+    assert first.exit_code == 0, first.output
+    assert first.stdout.splitlines()[-1] == f"tables: {run}"
+    again = CliRunner().invoke(app, [*command, "--seed", "1"])
+    assert again.exit_code == 0, again.output
+    for name in ("plot", "report"):
+        shown = CliRunner().invoke(app, [name, str(run)])
+        assert shown.exit_code == 0, shown.output
+        assert Path(shown.stdout.strip()).is_file()
+    stormy = CliRunner().invoke(app, ["plot", str(run), "--method", "rule"])
+    assert isinstance(stormy.exception, UsageError)
+    assert "holds a survival, no comparison" in str(stormy.exception)
+    with pytest.raises(UsageError, match="holds a survival; allowed: an earlier plan"):
+        rs.solve("analytic/arbitrage", "lp").save(run)
 
 
 def test_the_picture_shows_both_kinds_of_loads() -> None:

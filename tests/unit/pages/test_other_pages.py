@@ -32,7 +32,12 @@ def hazard() -> rs.Hazard:
     return rs.hazard("ieee33_rammasun", n=40)
 
 
-@pytest.mark.parametrize("kind", ["report", "hazard", "plan"])
+@pytest.fixture(scope="module")
+def survival() -> rs.Survival:
+    return rs.survive(chain(), [6, 12])
+
+
+@pytest.mark.parametrize("kind", ["report", "hazard", "survival", "plan"])
 def test_a_saved_result_has_the_page_of_the_fresh_one(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -90,8 +95,9 @@ def test_hazard_colours_lines_by_their_probability(hazard: rs.Hazard, tmp_path: 
     assert f"{expected} of 32 lines are expected to fail." in page
 
 
-def test_survival_steps_through_the_shares_of_its_starts(tmp_path: Path) -> None:
-    survival = rs.survive(chain(), [6, 12])
+def test_survival_steps_through_the_shares_of_its_starts(
+    survival: rs.Survival, tmp_path: Path
+) -> None:
     page = text_of(rs.write_page(survival, tmp_path / "page.html"))
     line = data_of(page, "drawn")["charts"]["chance"]["lines"][0]
     fits = survival.ahead_h >= 12
