@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import sys
@@ -77,6 +78,7 @@ def operate(
         with closing(make(log)) as operator:
             answer = operator.decide(stated, None if str(state) == "-" else state)
             plan = operator.plan_summary()
+    atexit.register(_leave, operator)
     if as_json:
         text = json.dumps({**answer.summary(), "plan": plan}, indent=2, allow_nan=False)
         terminal.show(partial(typer.echo, text))
@@ -115,10 +117,21 @@ def serve(
         operator = _operator(
             case, method, fallback, late_s, physics, believe, forecast_error, end_value, log
         )
+    atexit.register(_leave, operator)
     with closing(operator):
         for line in operator.warnings:
             print(f"warning: {line}", file=sys.stderr)
         server.serve(operator, host=host, port=port, token=token, on_ready=_say_where)
+
+
+def _leave(operator: Operator) -> None:
+    """Ends the process where a method that was late is at work in its thread still: the answer is
+    given, and solvers whose threads were torn down at work would abort the process.
+    """
+    if operator.is_at_work:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
 
 
 def _say_where(address: str) -> None:
@@ -176,13 +189,12 @@ def _read_state(path: Path) -> Any:
 
 def _replayed(operator: Operator, path: Path) -> tuple[str, int]:
     """What comes of a log whose decisions are done again, in words, and the exit code."""
-    from resilience.operation.journal import read_journal
+    from resilience.operation.journal import differences, read_journal
     from resilience.operation.operator import alike
 
     head, records = read_journal(path)
     label = operator.setting.case.slot_label
-    differing = [key for key, value in operator.head.items() if head.get(key) != value]
-    if differing:
+    if differing := differences(operator.head, head):
         print(f"note: {path} is the log of another {' and '.join(differing)}", file=sys.stderr)
     pairs = [operator.redone(record) for record in records]
     wrong = [earlier for earlier, again in pairs if not alike(earlier, again)]

@@ -68,7 +68,7 @@ class Journal:
                 time.sleep(0.02)
 
     def _begin(self, head: Mapping[str, Any]) -> list[Record]:
-        """The records of the file, which gets its first line where it has none."""
+        """The records of the file, which gets its first line where it has none, or no decision."""
         lines, self._end = whole_lines(self._file.read())
         self._file.truncate(self._end)
         self._file.seek(self._end)
@@ -76,7 +76,13 @@ class Journal:
             self.append(head)
             return []
         first, *records = parsed(self.path, lines)
-        if differing := [key for key, value in head.items() if first.get(key) != value]:
+        if not records and first != head:  # whoever began it decided nothing
+            self._end = 0
+            self._file.truncate(0)
+            self._file.seek(0)
+            self.append(head)
+            return []
+        if differing := differences(head, first):
             raise UsageError(
                 f"{self.path} is the log of another {' and '.join(differing)}",
                 hint="name another log, or move this one away to begin anew",
@@ -105,6 +111,12 @@ class Journal:
     def close(self) -> None:
         """Lets others use the log."""
         self._closing.close()
+
+
+def differences(head: Mapping[str, Any], first: Mapping[str, Any]) -> list[str]:
+    """What two logs are of that is not the same, in words."""
+    keys = [key for key, value in head.items() if first.get(key) != value]
+    return list(dict.fromkeys(key.removesuffix("_digest").replace("_", " ") for key in keys))
 
 
 def whole_lines(data: bytes) -> tuple[list[bytes], int]:

@@ -139,6 +139,11 @@ class Operator:
         if self._journal is not None:
             self._journal.close()
 
+    @property
+    def is_at_work(self) -> bool:
+        """Whether a method that was late is at work still, though the operator is closed."""
+        return self._watch.is_at_work
+
     def decide(self, state: Mapping[str, Any], source: Path | None = None) -> OperatorAnswer:
         """The decision for the slot in which a state is.
 

@@ -82,6 +82,11 @@ class Watchdog:
         """Ends the thread."""
         self._worker.stop()
 
+    @property
+    def is_at_work(self) -> bool:
+        """Whether the thread, though stopped, has not ended yet."""
+        return self._worker.is_alive
+
     def ask(self, call: Callable[[], T]) -> T:
         """What a call in the method's thread returns.
 

@@ -35,6 +35,11 @@ class Worker:
         self._queue.put(None)
         self._thread.join(wait_s)
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the thread has not ended; once it was stopped, that it is still at work."""
+        return self._thread.is_alive()
+
     def _work(self) -> None:
         while item := self._queue.get():
             call, future = item

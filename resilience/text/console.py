@@ -13,7 +13,10 @@ def plain_console(**options: Any) -> Console:
 
     Args:
         options: of rich's `Console`, as `file` and `width`.
+
+    In a notebook rich would show a report twice, the second time as text with codes of colours;
+    the same text as on a terminal is printed instead.
     """
     from rich.console import Console
 
-    return Console(markup=False, emoji=False, **options)
+    return Console(markup=False, emoji=False, **{"force_jupyter": False, **options})

@@ -11,7 +11,7 @@ from tests.browser.pages import Browser
 from tests.unit.pages.results import SCRIPT, marked_case, two_islands
 from tests.unit.plots.stormy import chain, cut
 
-PAGES = ["plan", "feeder", "scenarios", "comparison", "hazard", "survival"]
+PAGES = ["plan", "feeder", "scenarios", "comparison", "hazard", "survival", "diff"]
 VIEWS = [(1280, False), (390, False), (1280, True), (390, True)]
 MOVE = """
 const slider = document.getElementById("slider");
@@ -22,6 +22,12 @@ const rows = [...panel.querySelectorAll("tr")];
 const cells = rows.map(row => [...row.cells].map(cell => cell.textContent));
 return [document.getElementById("moment").textContent, cells, panel.textContent];
 """
+
+
+def larger_store() -> rs.Plan:
+    """The two islands with storage of 1.25 MW in place of 1."""
+    case = rs.load_case("analytic/two-islands")
+    return rs.solve(case.with_ess("ess", p_max_mw=1.25, p_min_mw=-1.25), "lp")
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +42,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "comparison": rs.compare(case, ["idle", "rule"], days=1, scenarios=cut(case)),
         "hazard": rs.hazard("ieee33_rammasun", n=40),
         "survival": rs.survive(chain(), [6, 12]),
+        "diff": rs.diff(two_islands(), larger_store()),
     }
     return {name: rs.write_page(r, folder / f"{name}.html") for name, r in results.items()}
 
@@ -49,7 +56,8 @@ def test_pages_open_without_complaint_and_nothing_sticks_out(
     assert browser.messages() == []
     assert browser.out_of_view() == []
     charts = browser.run("return document.querySelectorAll('figure .plot svg').length")
-    assert charts == browser.run("return document.querySelectorAll('figure').length") > 0
+    assert charts == browser.run("return document.querySelectorAll('figure').length")
+    assert (charts > 0) == (name != "diff")
     paper = browser.run("return getComputedStyle(document.body).backgroundColor")
     assert (paper == "rgb(255, 255, 255)") != dark
 
@@ -96,6 +104,22 @@ def test_figures_in_the_page_are_those_of_the_json(
     for head, key in (("objective", "objective"), ("proven bound", "bound"), ("shed", "shed_mwh")):
         shown = float(browser.run(tile, head).split()[0].replace(",", ""))
         assert shown == pytest.approx(summary[key], abs=5e-3)
+
+
+def test_a_difference_shows_what_changed_and_nothing_else(
+    browser: Browser, pages: dict[str, Path]
+) -> None:
+    browser.open(pages["diff"], width=390)
+    tables = browser.run(
+        "return [...document.querySelectorAll('tbody')].map(body => "
+        "[...body.rows].map(row => [...row.cells].map(cell => cell.innerText)))"
+    )
+    case, figures, shed, actions = tables
+    assert case == [["ess ess p_max_mw", "1.0", "1.25"], ["ess ess p_min_mw", "-1.0", "-1.25"]]
+    objective = next(row for row in figures if row[0].startswith("objective"))
+    assert float(objective[3]) == pytest.approx(0.3 * 0.5 + 0.2 * 0.4 - 1.5 * 0.4, abs=1e-4)
+    assert [row[0] for row in shed] == ["homes"]
+    assert ["charge ess", "12:00–14:00 1 MW", "12:00–14:00 1.25 MW"] in actions
 
 
 def test_names_are_text(browser: Browser, tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +100,17 @@ def test_a_log_that_is_none_is_not_replayed(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().err.startswith("error: empty.jsonl is empty; allowed: a log")
     call("--method rule-0.9 --replay none.jsonl", code=1)
     assert capsys.readouterr().err.startswith("error: none.jsonl: does not exist")
+
+
+def test_a_method_still_at_work_does_not_fail_the_call() -> None:
+    """Solvers in the thread of a method that is late were torn down at work, which aborts."""
+    soc = {f"ess{k}": 0.5 for k in range(1, 6)}
+    state = {"time": "2016-08-26T14:00", "soc": soc, "down": []}
+    Path("state.json").write_text(json.dumps(state))
+    command = [sys.executable, "-m", "resilience", "operate", "ieee33", "--method", "sddp"]
+    done = subprocess.run(
+        [*command, "--late", "0", "--state", "state.json", "--json"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["fallback"]["kind"] == "late"

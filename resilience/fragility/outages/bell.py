@@ -102,6 +102,34 @@ class Bell:
             )
         _ = self.p_max
 
+    def __str__(self) -> str:
+        """What happens, in words: `bell of hazard each day, 80 % that a line fails, ...`."""
+        short, long = (slots * REFERENCE_MIN / 60.0 for slots in self.duration_slots)
+        peaks = [f"{c * REFERENCE_MIN / 60.0:g}" for c in self.centres]
+        chance = (
+            f"{100.0 * self.probability:g} % that a line fails"
+            if self.height is None
+            else f"{100.0 * self.height:g} % per slot at its peak"
+        )
+        alike = ", all alike" if self.shared_shift else ""
+        shift = f"further lines up to {self.shift_slots * REFERENCE_MIN:g} min apart{alike}"
+        error = f"peak forecast to within {self.centre_error_slots * REFERENCE_MIN:g} min"
+        parts = (
+            (True, chance),
+            (True, f"sigma {self.sigma_slots * REFERENCE_MIN:g} min"),
+            (bool(peaks), f"peak {' or '.join(peaks)} h after midnight"),
+            (True, f"down for {f'{short:g} to {long:g}' if short < long else f'{long:g}'} h"),
+            (self.duration_law != "uniform", f"{self.duration_law} lengths"),
+            (self.shift_slots > 0, shift),
+            (self.common_draw, "one draw for all lines"),
+            (self.refail, "lines may fail again"),
+            (self.wrap, "the bell goes round midnight"),
+            (not self.overnight, "outages end at midnight"),
+            (self.centre_error_slots > 0, error),
+            (self.rate, "the bell is a rate"),
+        )
+        return ", ".join(["bell of hazard each day", *(words for holds, words in parts if holds)])
+
     @cached_property
     def p_max(self) -> float:
         """Height of the bell: probability per slot of 15 minutes at its centre."""

@@ -60,6 +60,12 @@ class Sampling:
 
 PLAIN = Sampling()
 USUAL_REPAIR = Repair()
+TIMING = {
+    "running_max": "one strength per storm",
+    "rate": "failures at a rate",
+    "per_slot": "strength drawn anew in every slot",
+}
+"""How winds add up over time, in words; see `Timing`."""
 
 
 def sample_storms(
@@ -103,8 +109,9 @@ def sample_storms(
     storms = _Storms(lines, members, member, draws.factor, draws, timing)
     probability = draws.probability
     seed = None if isinstance(rng, np.random.Generator) else int(rng)
+    courses = f"{len(members)} course{'s' * (len(members) != 1)} of winds"
     process = (
-        f"storm, {len(members)} winds, correlation {lines.correlation:g}, {timing.mode}, "
+        f"storm, {courses}, correlation {lines.correlation:g}, {TIMING[timing.mode]}, "
         f"{repair}, shift {sampling.shift:g}, worth {effective_number(probability):.0f} of {n}"
     )
     down = storms.outages(repair, sampling.refail)

@@ -106,6 +106,13 @@ class Run:
             self._keep()
         self.kept_at = time.monotonic()
 
+    def __repr__(self) -> str:
+        options = self.training.options
+        done = f"iteration {self.training.iteration} of {self.training.iterations}"
+        best = f", best {self.best.cost_per_day:.4f} $/day" if self.rows else ""
+        where = "" if self.folder is None else f", in {self.folder}"
+        return f"<Run {self.case.name}: method {options.method}, {done}{best}{where}>"
+
     @property
     def best(self) -> LogRow:
         """The line of the best policy."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,3 +90,19 @@ def test_the_bell_of_a_case() -> None:
     drawn = [o for seed in range(5) for o in outages_from("bell", case, seed)]
     assert drawn
     assert all(24 <= o.stop - o.first <= 48 or o.stop == 96 for o in drawn)
+
+
+def test_a_bell_says_in_words_what_it_is() -> None:
+    assert str(Bell()) == (
+        "bell of hazard each day, 80 % that a line fails, sigma 60 min, down for 3 to 3.75 h, "
+        "further lines up to 45 min apart"
+    )
+    changes: list[dict[str, Any]] = [
+        {"probability": 0.7}, {"height": 0.1}, {"sigma_slots": 5.0}, {"duration_slots": (12, 16)},
+        {"duration_law": "lognormal"}, {"shift_slots": 0}, {"shared_shift": True},
+        {"common_draw": True}, {"refail": True}, {"wrap": True}, {"overnight": False},
+        {"centres": (40,)}, {"centre_error_slots": 2}, {"rate": True},
+    ]  # fmt: skip
+    assert {key for change in changes for key in change} == {f.name for f in fields(Bell)}
+    texts = {str(Bell()), *(str(Bell(**change)) for change in changes)}
+    assert len(texts) == 1 + len(changes)

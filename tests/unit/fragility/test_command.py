@@ -48,7 +48,7 @@ def test_what_is_printed_is_what_is_drawn(
 def test_options_replace_what_the_case_says(capsys: pytest.CaptureFixture[str]) -> None:
     words = ["scenarios", "ieee33-long", "-n", "3", "--json"]
     kept = json.loads(call(capsys, *words)[1])["process"]
-    assert "duration_slots=(24, 48)" in kept
+    assert "down for 6 to 12 h" in kept
     words += ["--duration-slots", "4", "6", "--centre", "30", "--centre", "40", "--rate"]
     changed = json.loads(call(capsys, *words)[1])["process"]
     assert changed == str(Bell(duration_slots=(4, 6), centres=(30, 40), rate=True, overnight=False))

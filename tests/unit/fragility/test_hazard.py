@@ -49,7 +49,7 @@ def test_the_summary_is_the_tables_and_names_what_is_made_up(found: Hazard, tmp_
     assert rs.load_case("ieee33_koinu").slots == len(rows)
     assert {path.name for path in folder.iterdir()} == {
         "hazard.json", "hazard.csv", "failed_by.csv", "wind.csv",
-        "lines.csv", "loads.csv", "outages.npz",
+        "lines.csv", "loads.csv", "outages.npz", "README.md",
     }  # fmt: skip
 
 
@@ -148,7 +148,7 @@ def test_the_command_reads_a_track_file(tmp_path: Path, capsys: pytest.CaptureFi
         main(["scenarios", "ieee33_koinu", "--track", str(path), "-n", "20", "--json"])
     drawn = json.loads(capsys.readouterr().out)
     assert drawn["scenarios"] == 20
-    assert "storm, 1 winds" in drawn["process"]
+    assert "storm, 1 course of winds" in drawn["process"]
 
 
 @pytest.mark.parametrize(

@@ -274,13 +274,17 @@ def test_a_log_is_of_one_process_case_and_method(tmp_path: Path) -> None:
     log = tmp_path / "log.jsonl"
     with Operator(CASE, "rule-0.9", log=log), pytest.raises(UsageError, match="in use by another"):
         Operator(CASE, "rule-0.9", log=log)
+    with Operator(CASE, "idle", log=log) as operator:  # nothing was decided: it begins anew
+        assert read_journal(log) == (operator.head, [])
+    with Operator(CASE, "rule-0.9", log=log) as operator:
+        run(operator, Plant(WORLD), 0, 1)
     with pytest.raises(UsageError, match="the log of another method"):
         Operator(CASE, "greedy", log=log)
-    with pytest.raises(UsageError, match="the log of another case_digest"):
+    with pytest.raises(UsageError, match="the log of another case\n"):
         Operator(CASE.with_ess("ess1", e_mwh=1.5), "rule-0.9", log=log)
     lines = log.read_text().splitlines()
     log.write_text("\n".join([*lines, "no JSON", ""]))
-    with pytest.raises(UsageError, match="line 2: no record"):
+    with pytest.raises(UsageError, match="line 3: no record"):
         Operator(CASE, "rule-0.9", log=log)
 
 

@@ -92,6 +92,17 @@ def test_print_is_what_the_command_line_prints(
         results(plan)["Scenarios"].print()  # type: ignore[attr-defined]
 
 
+def test_a_notebook_is_shown_the_text_of_a_terminal_without_colours(
+    plan: rs.Plan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    assert not plain_console().is_jupyter
+    plan.print(width=100)
+    printed = capsys.readouterr().out
+    assert "objective 2240.0000 $" in printed
+    assert "\x1b" not in printed
+
+
 def test_reports_hazards_and_plans_over_scenarios_are_shown() -> None:
     case = rs.load_case("ieee33")
     report = rs.compare(case, ["rule"], days=1, draws=2)
