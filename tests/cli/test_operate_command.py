@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
-import sys
+import threading
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import resilience as rs
 from resilience.case.write import case_text
 from resilience.cli import main
+from resilience.dispatch.registry import DISPATCHERS
 from tests.unit.operation.plant import Plant, simulated, storm_case, storm_world
 
 CASE = storm_case(slots=12, step_min=60.0)
@@ -102,15 +105,37 @@ def test_a_log_that_is_none_is_not_replayed(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().err.startswith("error: none.jsonl: does not exist")
 
 
-def test_a_method_still_at_work_does_not_fail_the_call() -> None:
-    """Solvers in the thread of a method that is late were torn down at work, which aborts."""
-    soc = {f"ess{k}": 0.5 for k in range(1, 6)}
-    state = {"time": "2016-08-26T14:00", "soc": soc, "down": []}
-    Path("state.json").write_text(json.dumps(state))
-    command = [sys.executable, "-m", "resilience", "operate", "ieee33", "--method", "sddp"]
-    done = subprocess.run(
-        [*command, "--late", "0", "--state", "state.json", "--json"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["fallback"]["kind"] == "late"
+class Stuck:
+    """Decides nothing until it is let go."""
+
+    name = "stuck"
+    go = threading.Event()
+
+    def __init__(self, setting: rs.Setting) -> None:
+        self.units = len(setting.simulator.units)
+
+    def act(self, observation: rs.Observation) -> np.ndarray:
+        self.go.wait()
+        return np.zeros((self.units, observation.energy.shape[1]))
+
+
+def test_a_method_still_at_work_does_not_hold_up_or_abort_the_process(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A solver that is torn down at work aborts the process, though the answer was given."""
+    leaving, codes = list[partial[None]](), list[int]()
+    monkeypatch.setattr("atexit.register", lambda call, *a: leaving.append(partial(call, *a)))
+    monkeypatch.setattr("os._exit", codes.append)
+    monkeypatch.setitem(DISPATCHERS, "stuck", Stuck)
+    Path("state.json").write_text(json.dumps(Plant(WORLD).state(3)))
+    call("--method stuck --late 0.1 --state state.json --json")
+    assert json.loads(capsys.readouterr().out)["fallback"]["kind"] == "late"
+    leave = next(call for call in leaving if call.func.__name__ == "_leave")
+    leave()
+    assert codes == [0]
+    Stuck.go.set()
+    thread = next((t for t in threading.enumerate() if t.name == "dispatcher"), None)
+    if thread is not None:
+        thread.join(10.0)
+    leave()
+    assert codes == [0]
