@@ -122,6 +122,9 @@ class Operator:
             self._journal = Journal(Path(log), self.head, log_wait_s)
             self._remember(self._journal.records)
 
+    def __repr__(self) -> str:
+        return f"<Operator {self.setting.case.name}: {self.method}, {len(self._answers)} decisions>"
+
     def __enter__(self) -> Self:
         return self
 

@@ -200,8 +200,11 @@ def _outages(view: EpisodeView) -> Rows:
 
 def _setting(summary: Mapping[str, Any]) -> Rows:
     """The rules of the comparison, in words."""
+    storms = [str(summary["episodes"])]
+    storms += [summary["process"]] if summary["process"] else []
+    storms += [] if summary["seed"] is None else [f"seed {summary['seed']}"]
     rows: Rows = [
-        ("storms", f"{summary['episodes']} of {summary['process']}, seed {summary['seed']}"),
+        ("storms", ", ".join(storms)),
         ("from", f"{summary['start']}, {summary['days']:g} days"),
         ("physics", f"{summary['physics']}, the bound included"),
         ("energy left", f"worth {summary['end_value_per_mwh']:g} $/MWh"),

@@ -173,7 +173,7 @@ def certificate_rows(plan: CertifiedPlan) -> Rows:
     elif plan.audit:
         rows.append(("satisfies", f"the whole {plan.physics} model"))
     if plan.certificate.bound is not None and plan.certificate.gap is not None:
-        rows.append(("proven bound", f"{plan.certificate.bound!r} $ ({plan.bound_of})"))
+        rows.append(("proven bound", f"{number(plan.certificate.bound, 6)} $ ({plan.bound_of})"))
         rows.append(("gap", percent(plan.certificate.gap)))
     if plan.audit:
         worst = f"{max(plan.audit.values()):.1e}"

@@ -60,6 +60,7 @@ def test_comparison_shows_every_episode_and_its_mean(report: rs.Report, tmp_path
         np.testing.assert_allclose(row["dots"], shed, atol=1e-4)
     assert data_of(page, "summary") == report.summary()
     words = unescape(page)
+    assert re.search(r"<dt>storms</dt>\s*<dd>2</dd>", words)
     assert all(f"<td>{name}</td>" in words for name in report.objective)
 
 
