@@ -6,7 +6,7 @@ import numpy as np
 
 from resilience.models.language.stage import Stage
 from resilience.models.program.standard import Standard
-from resilience.models.structures import Adjacent, Cone, Disc, Largest, Split
+from resilience.models.structures import Adjacent, Angle, Cone, Disc, Largest, Split
 from resilience.testing.tiny import TinyProgram, one_node, tiny_program
 
 
@@ -83,6 +83,43 @@ def cone_open() -> TinyProgram:
     stage.cone("flow", u, v, x, y)
     stage.cost("u", u, -1.0)
     return TinyProgram("cone_open", one_node(stage), -2.0, {Cone}, relaxed=-3.0)
+
+
+def one_angle(
+    im: float, costs: tuple[float, float], optimum: float, relaxed: float, name: str
+) -> TinyProgram:
+    """theta = atan2(im, re) with im fixed, theta within 3 and re from -1 to 1.
+
+    The two squares are 2: of numbers of which the product may be re + j im.
+    """
+    stage = Stage(1.0)
+    theta, re = stage.var("theta", ["a"], -3.0, 3.0), stage.var("re", ["a"], -1.0, 1.0)
+    product = stage.var("im", ["a"], im, im)
+    squares = stage.var("u", ["a"], 2.0, 2.0), stage.var("v", ["a"], 2.0, 2.0)
+    stage.angle("loop", theta, re, product, squares)
+    for word, x, cost in zip(("theta", "re"), (theta, re), costs, strict=True):
+        stage.cost(word, x, cost)
+    return TinyProgram(name, one_node(stage), optimum, {Angle}, relaxed=relaxed)
+
+
+@tiny_program
+def angle_least() -> TinyProgram:
+    """min theta with im = 1: re = 1, pi / 4. Half a turn less has the same tangent."""
+    return one_angle(1.0, (1.0, 0.0), np.pi / 4, -3.0, "angle_least")
+
+
+@tiny_program
+def angle_below() -> TinyProgram:
+    """max theta with im = -1: -pi / 4."""
+    return one_angle(-1.0, (-1.0, 0.0), np.pi / 4, -3.0, "angle_below")
+
+
+@tiny_program
+def angle_steep() -> TinyProgram:
+    """min 4 re - 5 theta with im = 1: re = cot(theta) and -theta both fall, until re = 0 ends it at
+    pi / 2.
+    """
+    return one_angle(1.0, (-5.0, 4.0), -2.5 * np.pi, -19.0, "angle_steep")
 
 
 def on_a_disc(x_cost: float, y_cost: float, optimum: float, name: str) -> TinyProgram:

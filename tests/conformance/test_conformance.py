@@ -18,7 +18,7 @@ from resilience.models.backends.pyomo import Pyomo
 from resilience.models.language.stage import Stage
 from resilience.models.program.referee import audit, settle
 from resilience.models.program.standard import Standard
-from resilience.models.structures import Cone, Disc, Largest, Structure
+from resilience.models.structures import Angle, Cone, Disc, Largest, Structure
 from resilience.testing import TINY, TinyProgram
 from resilience.testing.backends import CHANGED_DATA
 from resilience.testing.tiny import one_node
@@ -34,7 +34,7 @@ BACKENDS: dict[str, Callable[[Standard], Any]] = {
 }
 EXACT = {
     "highs": Highs.exact,
-    "pyomo-highs": Pyomo.exact - {Disc, Cone},
+    "pyomo-highs": Pyomo.exact - {Disc, Cone, Angle},
     "pyomo-scip": Pyomo.exact,
     "conic": Conic.exact,
     "nlp": NLP.exact,
@@ -259,34 +259,36 @@ def test_bounds_that_cross_are_infeasible_for_all(backend: str) -> None:
         assert solver.conflict() == ["bounds of x[a, now]"]
 
 
-class Angle(Structure):
-    """theta = atan2(y, x), which nobody has said how to state."""
+class Length(Structure):
+    """r = |(x, y)|, which nobody has said how to state."""
 
-    title = "angle"
-    complaint = "angles off"
+    title = "length"
+    complaint = "lengths off"
 
     def violation(self, args: Sequence[Floats], limits: Sequence[Floats]) -> Floats:
-        theta, y, x = args
-        return np.abs(theta - np.arctan2(y, x))
+        r, y, x = args
+        return np.abs(r - np.hypot(y, x))
 
 
 def unknown() -> Standard:
     stage = Stage(1.0)
-    stage.structure(Angle, "loop", tuple(stage.var(name, ["a"], -1.0, 1.0) for name in "tyx"))
+    stage.structure(
+        Length, "hypotenuse", tuple(stage.var(name, ["a"], -1.0, 1.0) for name in "ryx")
+    )
     return one_node(stage)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_structure_that_a_backend_does_not_know_is_refused_by_name(backend: str) -> None:
-    with pytest.raises(UsageError, match=r"cannot hold the angle 'loop'; allowed: .*disc"):
+    with pytest.raises(UsageError, match=r"cannot hold the length 'hypotenuse'; allowed: .*disc"):
         BACKENDS[backend](unknown())
 
 
 def test_the_referee_audits_a_structure_that_no_backend_knows() -> None:
     problem = unknown()
     z = np.zeros(problem.n_columns)
-    for name, value in {"t": 0.5, "y": 1.0, "x": 1.0}.items():
+    for name, value in {"r": 0.75, "y": 0.3, "x": 0.4}.items():
         z[problem.columns(name)] = value
     checked = audit(problem, z, problem.vectors({}, {}))
-    assert checked.worst["loop"] == pytest.approx(np.pi / 4 - 0.5)
-    assert checked.name == "loop[a, now]"
+    assert checked.worst["hypotenuse"] == pytest.approx(0.25)
+    assert checked.name == "hypotenuse[a, now]"

@@ -20,14 +20,14 @@ from resilience.models.backends.cvxpy import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Cone, Disc, Split
+from resilience.models.structures import Angle, Cone, Disc, Split
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
 from resilience.simulation.world import World
 from resilience.testing import TINY, backends, check_backend, check_dispatcher, small_world
 from tests.unit.dispatch import blackouts
 
-CURVED = {Disc, Cone}
+CURVED = {Disc, Cone, Angle}
 BACKENDS: dict[str, tuple[Callable[[Standard], Any], dict[str, Any]]] = {
     "highs": (Highs, {}),
     "pyomo-highs": (Pyomo, {"exact": Pyomo.exact - CURVED}),

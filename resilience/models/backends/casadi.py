@@ -220,7 +220,8 @@ def _disc(ca: Any, args: Sequence[Any], limits: Sequence[Floats]) -> list[Statem
 
 def _angle(ca: Any, args: Sequence[Any], limits: Sequence[Floats]) -> list[Statement]:
     theta, re, im, *_ = args
-    return [(im * ca.cos(theta) - re * ca.sin(theta), 0.0, 0.0), (re, 0.0, np.inf)]
+    across, along = im * ca.cos(theta) - re * ca.sin(theta), re * ca.cos(theta) + im * ca.sin(theta)
+    return [(across, 0.0, 0.0), (along, 0.0, np.inf), (theta, -0.5 * np.pi, 0.5 * np.pi)]
 
 
 _STATEMENTS: dict[type[Structure], Callable[..., list[Statement]]] = {

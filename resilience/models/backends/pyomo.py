@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any, Literal
 
@@ -201,7 +202,9 @@ class Pyomo:
             args = [self._expressions(unrolled, m) for m in range(3)]
             for theta, re, im in zip(*args, strict=True):
                 rows.add(im * pyo.cos(theta) == re * pyo.sin(theta))
+                rows.add(re * pyo.cos(theta) + im * pyo.sin(theta) >= 0.0)
                 rows.add(re >= 0.0)
+                rows.add((-0.5 * math.pi, theta, 0.5 * math.pi))
 
     def _cone(self, args: list[Any], limits: list[float]) -> Any:
         u, v, *xs = args

@@ -8,8 +8,9 @@ multiple of one column. What the angle is does not depend on them; the relaxatio
 
 - Scaled violation: |theta - atan2(im, re)|, or by how much re falls below 0 if that is more. Where
   both are 0 no angle is told.
-- Exact rewrite: none in linear or conic programs;  im cos(theta) = re sin(theta)  with re >= 0 and
-  |theta| < pi, where a quotient or a tangent would have poles.
+- Exact rewrite: none in linear or conic programs;  im cos(theta) = re sin(theta)  with
+  re cos(theta) + im sin(theta) >= 0, which half a turn more breaks, and |theta| <= pi / 2. A
+  quotient or a tangent would have poles.
 - Relaxation: linear and conic programs leave it out, or take rows that follow from the products of
   several numbers (`resilience.models.program.cliques`).
 
