@@ -26,7 +26,7 @@ COLUMNS = {
     },
     "branch": {
         "F_BUS": 0, "T_BUS": 1, "BR_R": 2, "BR_X": 3, "BR_B": 4, "RATE_A": 5, "TAP": 8, "SHIFT": 9,
-        "BR_STATUS": 10,
+        "BR_STATUS": 10, "ANGMIN": 11, "ANGMAX": 12,
     },
     "gen": {
         "GEN_BUS": 0, "PG": 1, "QG": 2, "QMAX": 3, "QMIN": 4, "VG": 5, "GEN_STATUS": 7, "PMAX": 8,
