@@ -106,11 +106,12 @@ class Microgrid:
             merged, bus_of = merge(network, fallible)
             remains = np.isin(network.line_names, merged.line_names)
             network, lines_of, fallible = merged, lines_of[remains], fallible[remains]
-        elif network.switchable.any() and (loop := cycle(network)):
+        elif network.radial and network.switchable.any() and (loop := cycle(network)):
             raise UsageError(
                 f"physics {physics!r} keeps a feeder with switchable lines radial, but these "
                 "lines, which cannot be switched, form a cycle: " + ", ".join(loop),
                 hint="open one of them, mark one `switchable`, or let no line be; "
+                "or set radial = false in [network], where loops may be; "
                 "or use --physics copperplate",
             )
         return cls(case, physics, network, bus_of, lines_of, fallible)
@@ -241,7 +242,7 @@ class Microgrid:
         )
         voltages = [buses] if buses else []
         switches = (
-            [Topology(lines, network.bus_names, self.forming, self.separate_grids)]
+            [Topology(lines, network.bus_names, self.forming, self.separate_grids, network.radial)]
             if network.switchable.any()
             else []
         )

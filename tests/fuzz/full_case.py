@@ -189,7 +189,7 @@ def dark_case() -> dict[str, Any]:
     data = placed_case(BLACKOUT)
     data |= {"outage": OUTAGE, "geography": GEOGRAPHY, "tank": [TANK]}
     data["network"] |= {"impedance_scale": 1.1, "v_max_pu": 1.08, "parallel_grids": True,
-                        "not_modelled": ["2 ways of lines"]}  # fmt: skip
+                        "radial": False, "not_modelled": ["2 ways of lines"]}  # fmt: skip
     data["network"]["bus"][2] |= {"shunt_p_mw": 0.01, "shunt_q_mvar": -0.02}
     data["network"]["line"][1] |= {"tap_ratio": 0.98, "shift_degree": 30.0, "in_service": True}
     data["pv"][0] |= {"q_mvar": 0.05, **FAILS}

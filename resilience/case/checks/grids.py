@@ -29,7 +29,9 @@ def check_grids(parts: Parts, network: Network) -> None:
     short = fixed & (network.r_pu == 0.0) & (network.x_pu == 0.0) & (network.tap == 1.0)
     _check_voltages(parts, grids, _joined(network, short))
     if not network.parallel_grids:
-        _check_parallel(parts, grids, _joined(network, fixed))
+        # What loops may join cannot be kept apart by counting the lines of trees.
+        loops = network.in_service | network.switchable
+        _check_parallel(parts, grids, _joined(network, fixed if network.radial else loops))
 
 
 def _joined(network: Network, lines: Bools) -> Ints:
@@ -55,7 +57,7 @@ def _check_voltages(parts: Parts, grids: Placed, group: Ints) -> None:
 
 
 def _check_parallel(parts: Parts, grids: Placed, group: Ints) -> None:
-    """Notes grids at several buses that closed lines, none of them switchable, connect."""
+    """Notes grids at several buses that lines connect which nothing keeps open."""
     together = defaultdict(list)
     for entry in grids:
         together[int(group[entry[2]])].append(entry)

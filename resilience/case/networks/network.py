@@ -49,6 +49,7 @@ class Network:
         switching_cost: (lines,) $ per action.
         breakpoint: (lines,) whether it can fail.
         parallel_grids: whether several grid connections may feed one tree of closed lines.
+        radial: whether lines that can be switched are kept a tree.
         placeholder_kv: the nominal voltages stand for nothing, as the source has only per unit.
         aliases: names of buses that a closed switch fuses to the one that stands for them.
         courses: how lines run, by name, of those whose source says anything of it.
@@ -75,6 +76,7 @@ class Network:
     switching_cost: Floats
     breakpoint: Bools
     parallel_grids: bool = False
+    radial: bool = True
     placeholder_kv: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
     courses: Mapping[str, Course] = field(default_factory=dict)

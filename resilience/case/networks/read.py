@@ -145,6 +145,7 @@ def finish_network(network: Network, table: NetworkTable, lines: Iterable[LineTa
         breakpoint=breakpoint_,
         rating_mva=rating,
         parallel_grids=table.parallel_grids,
+        radial=table.radial,
     )
 
 

@@ -103,6 +103,11 @@ class NetworkTable(Table):
         description="true: several [[grid]] may feed one tree of closed lines; false: each tree "
         "hangs on one bus with a [[grid]] at most",
     )
+    radial: bool = Field(
+        True,
+        description="false: switchable lines may close loops, and lines that cannot be switched "
+        "may form some; every live bus still has to reach a source",
+    )
 
 
 class StrengthTable(Table):

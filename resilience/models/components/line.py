@@ -93,7 +93,7 @@ class Lines(LineData):
         v_i, v_j = v[self.from_bus] * (1.0 / self.tap**2), v[self.to_bus]
         p_end, q_end = self._voltages(stage, p, q, v_i, v_j, status)
         share(self, stage, p, q, v_i)
-        close_loops(self, stage, (p, q), (v_i, v_j))
+        close_loops(self, stage, (p, q), (v_i, v_j), status)
         p_sent, q_sent = self._charged(stage, "from", (p, q), v_i, status)
         p_end, q_end = self._charged(stage, "to", (p_end, q_end), v_j, status)
         if self.losses and self.loss_cost_per_mwh:

@@ -71,6 +71,11 @@ class LineData:
         return np.asarray(self.switchable | self.strengthened)
 
     @property
+    def in_loop(self) -> Bools:
+        """(lines,) `looped`, of which there are none in a radial network."""
+        return np.zeros(len(self.names), bool) if self.looped is None else self.looped
+
+    @property
     def tap(self) -> Floats:
         """(lines,) magnitude of the ratio."""
         return np.abs(self.ratio)

@@ -67,7 +67,11 @@ def share(lines: LineData, stage: Stage, p: Affine, q: Affine, v_i: Affine) -> N
 
 
 def close_loops(
-    lines: LineData, stage: Stage, flow: tuple[Affine, Affine], v_sq: tuple[Affine, Affine]
+    lines: LineData,
+    stage: Stage,
+    flow: tuple[Affine, Affine],
+    v_sq: tuple[Affine, Affine],
+    closed: Affine | None,
 ) -> None:
     """Lines of a loop have the angles of their buses between their ends.
 
@@ -76,6 +80,7 @@ def close_loops(
         stage: to state it in.
         flow: P and Q.
         v_sq: squared voltages at both ends, the first behind the ratio.
+        closed: status of the lines of which it is decided.
     """
     if lines.looped is None or lines.loop_shift is None or not lines.looped.any():
         return
@@ -85,13 +90,18 @@ def close_loops(
     angle = stage["bus.angle"]
     ends = np.searchsorted(buses, i), np.searchsorted(buses, j)
     theta = angle[ends[0]] - angle[ends[1]] - lines.loop_shift[rows]
-    free = np.flatnonzero(lines.fallible[rows])
+    free = np.flatnonzero((lines.fallible | lines.decided)[rows])
     if len(free):
-        room = TURN_MAX - stage["line.up"][rows[free]] * TURN_MAX
+        is_switched = lines.decided[rows[free]]
+        room = TURN_MAX - stage["line.up"][rows[free]] * (TURN_MAX * ~is_switched)
         turn = stage.var(
             "line.turn", [names[k] for k in free], -room, room, unit="rad",
             about="angle across open line",
         )  # fmt: skip
+        if closed is not None and is_switched.any():
+            place = np.searchsorted(np.flatnonzero(lines.decided), rows[free[is_switched]])
+            open_lines = turn[np.flatnonzero(is_switched)]
+            stage.switch("line.turn.switch", open_lines, 1.0 - closed[place], TURN_MAX)
         theta = theta - scatter(turn, free, len(rows))
     im = (p * lines.x - q * lines.r)[rows]
     if not lines.losses:

@@ -11,6 +11,8 @@ $$ \sum_l z_l + \sum_b \rho_b = \sum_b a_b, \qquad
 
 $N$ is 1.1 times the number of buses, which is all that a root ever feeds.
 Where grids may not be paralleled, $\rho_b = 1$ at each of them: a tree has one root.
+Where the network need not be radial, $\rho_b = 1$ everywhere, and nothing counts closed lines: they
+may make loops.
 Where it is decided which islands are alive, $a_b$ is a variable, see `forming`, and so is the
 number of fixed lines that are links, `topology.link`.
 
@@ -29,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from resilience.arrays import Bools, Floats
+from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels, scatter
 from resilience.models.components.base import AT_BUS
 from resilience.models.components.line import Lines
@@ -48,30 +50,23 @@ class Topology:
         buses: names.
         forming: (buses,) possible roots.
         roots: (buses,) buses that have to be roots: those of grids that may not feed one tree.
+        radial: whether closed lines have to make a forest.
     """
 
     lines: Lines
     buses: Labels
     forming: Bools
     roots: Bools
+    radial: bool = True
 
     def emit(self, stage: Stage) -> None:
         """Declares roots and the commodity."""
         lines, n = self.lines, len(self.buses)
         commodity_max = MARGIN * n
-        alive, count = self._links(stage)
+        alive = self._alive(stage)
         places = np.flatnonzero(self.forming)
         names = [self.buses[i] for i in places]
-        root = stage.var(
-            "topology.root",
-            names,
-            self.roots[places].astype(float),
-            1.0,
-            unit="1",
-            about="fed by the virtual root",
-            integer=True,
-            kind="binary",
-        )
+        root, count = self._roots(stage, alive, names, places) if self.radial else (None, None)
         feed = stage.var(
             "topology.feed", names, 0.0, commodity_max, unit="1", about="commodity fed in"
         )
@@ -80,11 +75,16 @@ class Topology:
             "topology.flow", lines.names, -flow_max, flow_max, unit="1", about="commodity"
         )
         stage.mark_auxiliary("topology.feed")
-        stage.mark_auxiliary("topology.flow", lines.determined)
+        # In a loop it may go round: voltages do not tell it where to.
+        stage.mark_auxiliary(
+            "topology.flow", lines.determined if self.radial else lines.determined & ~lines.in_loop
+        )
         closed = stage["line.closed"]
-        stage.eq("topology.tree", closed.sum() + root.sum(), count)
+        if root is not None and count is not None:
+            stage.eq("topology.tree", closed.sum() + root.sum(), count)
         stage.switch("topology.flow.switch", flow[lines.switched], closed, commodity_max)
-        stage.le("topology.feed.root", feed, root * commodity_max)
+        if root is not None:
+            stage.le("topology.feed.root", feed, root * commodity_max)
         ends = np.arange(len(lines.names))
         incidence = sp.csr_array(
             (
@@ -96,16 +96,35 @@ class Topology:
         arriving = flow.mapped(incidence, self.buses)
         stage.eq("topology.reach", scatter(feed, places, n, self.buses) + arriving, alive)
 
-    def _links(self, stage: Stage) -> tuple[Affine, Affine]:
-        """(buses,) whether a bus is alive, and (1,) how many switches and roots make a forest."""
+    def _alive(self, stage: Stage) -> Affine:
+        """(buses,) whether a bus is alive."""
+        if AT_BUS in stage:
+            return stage[AT_BUS]
+        return stage.data("topology.alive", self.buses, unit="1", about="has a path to a source")
+
+    def _roots(
+        self, stage: Stage, alive: Affine, names: list[str], places: Ints
+    ) -> tuple[Affine, Affine]:
+        """(forming buses,) roots, and (1,) how many switches and roots make a forest."""
+        count = self._links(stage, alive)
+        root = stage.var(
+            "topology.root",
+            names,
+            self.roots[places].astype(float),
+            1.0,
+            unit="1",
+            about="fed by the virtual root",
+            integer=True,
+            kind="binary",
+        )
+        return root, count
+
+    def _links(self, stage: Stage, alive: Affine) -> Affine:
         if AT_BUS not in stage:
-            alive = stage.data(
-                "topology.alive", self.buses, unit="1", about="has a path to a source"
-            )
-            return alive, stage.data(
+            return stage.data(
                 "topology.links", ("network",), unit="1", about="links still to choose"
             )
-        lines, alive = self.lines, stage[AT_BUS]
+        lines = self.lines
         firm = np.flatnonzero(~lines.fallible & ~lines.switchable)
         count = alive.sum() - alive[lines.from_bus[firm]].sum()
         risky = lines.fallible & ~lines.switchable
@@ -125,10 +144,12 @@ class Topology:
             stage.le("topology.link.alive", link, there)
             stage.le("topology.link.up", there[row] - 1.0 + up, link[row])
             count = count - link.sum()
-        return alive, count
+        return count
 
     def data(self, situation: Situation) -> dict[str, Floats]:
         """Live buses, and how many lines and roots make a spanning tree of them."""
+        if not self.radial:
+            return {"topology.alive": situation.alive}
         up = self.lines.status(situation)
         settled = up * ~self.lines.switchable[:, None] * situation.alive[self.lines.from_bus]
         first, second, _ = parallel(self.lines)

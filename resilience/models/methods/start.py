@@ -66,6 +66,8 @@ def with_switches_held(program: CaseProgram) -> Vectors:
     ]
     alive = situation.alive[network.from_bus[switched]]
     values = np.array(status).T[:, pattern.ravel()] * alive
+    if not network.radial:  # what is closed stays so, loop or not
+        values = np.maximum(values, closed[switched, None] * situation.line_up[switched] * alive)
     columns = program.standard.columns("line.closed")
     return program.vectors.fixed(columns.ravel(), values.ravel())
 

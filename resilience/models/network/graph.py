@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
@@ -120,10 +121,8 @@ def _likeness(network: Network, k: int) -> Hashable:
 
 
 def bridges(network: Network) -> Bools:
-    """(lines,) lines whose flow the injections determine while it is radial: those that are in no
-    cycle of closed lines that cannot be switched, since what can be switched is kept a tree.
-    """
-    firm = np.flatnonzero(network.in_service & ~network.switchable)
+    """(lines,) lines whose flow the injections determine: those in no cycle of `_joint`."""
+    firm = np.flatnonzero(_joint(network))
     graph = nx.MultiGraph()
     graph.add_nodes_from(range(len(network.bus_names)))
     for k in firm:
@@ -169,19 +168,29 @@ def _lines(network: Network, keep: Ints) -> Network:
 
 
 def looped(network: Network) -> Bools:
-    """(lines,) lines in a cycle of closed lines that cannot be switched.
+    """(lines,) lines in a cycle of `_joint`.
 
-    Parallel lines make none: what they share follows from their impedances.
+    Parallel lines make none, unless one is switchable: what they share follows from impedances.
     """
     graph = nx.Graph()
     graph.add_nodes_from(range(len(network.bus_names)))
-    firm = network.in_service & ~network.switchable
+    firm = _joint(network)
     graph.add_edges_from(
         zip(network.from_bus[firm].tolist(), network.to_bus[firm].tolist(), strict=True)
     )
     apart = {frozenset(ends) for ends in nx.bridges(graph)}
-    ends = zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)
-    return firm & np.array([frozenset(pair) not in apart for pair in ends], bool)
+    pairs = list(map(frozenset, zip(network.from_bus, network.to_bus, strict=True)))
+    if not network.radial:
+        switched = {pairs[k] for k in np.flatnonzero(network.switchable)}
+        apart -= {pair for pair, n in Counter(pairs).items() if n > 1 and pair in switched}
+    return firm & np.array([pair not in apart for pair in pairs], bool)
+
+
+def _joint(network: Network) -> Bools:
+    """(lines,) lines that may be closed all at once: what can be switched is kept a tree unless
+    the network need not be radial.
+    """
+    return network.in_service & ~network.switchable | (network.switchable & (not network.radial))
 
 
 def along_trees(network: Network, ratio: Values) -> Values:

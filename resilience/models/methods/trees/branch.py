@@ -48,11 +48,11 @@ class TreeNode:
 
 
 def can_branch(program: CaseProgram) -> bool:
-    """Whether all decisions of a program are switches, few enough, of lines with losses."""
+    """Whether all decisions of a program are switches of trees, few enough, with losses."""
     standard, microgrid = program.standard, program.microgrid
     if not (standard.has("line.closed") and standard.has("line.l")) or microgrid.energised:
         return False
-    if microgrid.forming_may_fail:
+    if microgrid.forming_may_fail or not microgrid.network.radial:
         return False
     closed, integer = standard.columns("line.closed"), standard.integer.copy()
     integer[closed] = integer[standard.columns("topology.root")] = False

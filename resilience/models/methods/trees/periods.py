@@ -67,9 +67,10 @@ def better_switches(program: CaseProgram, z: Floats, seconds: float) -> Floats |
         seconds: that the search may take.
 
     Returns:
-        Nothing where some slot has no forest with an operating point.
+        Nothing where some slot has no forest with an operating point, or where loops may be, too.
     """
-    if seconds <= 0.0 or not program.standard.has("line.q"):
+    radial = program.microgrid.network.radial
+    if seconds <= 0.0 or not radial or not program.standard.has("line.q"):
         return None
     return SlotTrees(program.in_mw, z * program.column_unit, Deadline(seconds)).switches()
 
