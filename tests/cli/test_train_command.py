@@ -103,3 +103,14 @@ def test_what_is_no_json_is_a_text() -> None:
         "y": brackets,
         "z": (1, 2),
     }
+
+
+def test_a_learner_runs_on_the_installed_mesh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="torch is not installed here: resilience[learn]")
+    pytest.importorskip("safetensors", reason="safetensors is not installed here")
+    few_storms(monkeypatch)
+    words = ("train", "ieee14", "--iterations", "2", "--set", "batch=2", "--set", "hidden=[4]")
+    text = invoked(*words, "--out", str(tmp_path / "run"))
+    assert "ieee14: apg, 2 iterations, judged on" in text
