@@ -1,4 +1,4 @@
-"""Optimal power flow of PGLib: AC optima, gaps of the conic relaxation, and what cliques close.
+"""Optimal power flow of PGLib: AC and DC optima, gaps of relaxations, and what cliques close.
 
 Tables are those of release 23.07, optima and gaps are of its BASELINE.md; digits beyond the five
 printed there are of a program in polar coordinates of our own, solved by Ipopt. Generators are free
@@ -112,3 +112,16 @@ def test_rows_on_cliques_close_the_gap(name: str) -> None:
     assert found.answer.relaxed == []
     assert found.objective - found.bound < CLIQUES[name] * found.objective
     assert found.objective == pytest.approx(AC[name][1], rel=1e-5)
+
+
+DC = {"case5_pjm": 17480.0, "case14_ieee": 2051.5, "case57_ieee": 34773.0}  # $/h
+
+
+@pytest.mark.parametrize(("name", "published"), DC.items())
+def test_without_losses_the_optimum_is_that_of_direct_current(name: str, published: float) -> None:
+    """Where no voltage binds, rows of angles and nothing else tell where power goes; five digits
+    are in BASELINE.md.
+    """
+    found = solved(pglib(name), "lp")
+    last_digit = 10.0 ** (np.floor(np.log10(published)) - 4)
+    assert abs(found.objective - published) <= 0.5 * last_digit
