@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,11 +11,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.case.profiles import MAX_PU
 from resilience.errors import UsageError
 from resilience.models.algebra import Affine, stack
 from resilience.models.components import (
-    Buses,
     ColdLoads,
     Component,
     DeviceFleet,
@@ -26,7 +23,6 @@ from resilience.models.components import (
     Strengthened,
     Tanks,
     Topology,
-    bus_capacity,
     device_fleets,
     forming_now,
     in_roles,
@@ -42,17 +38,8 @@ from resilience.models.network.graph import (
     merge,
     mismatch,
 )
-from resilience.models.network.limits import (
-    Capacity,
-    FlowLimits,
-    admittances,
-    circulation,
-    current_limits,
-    lossless_limits,
-    with_loops,
-)
 from resilience.models.network.situation import Islands, Situation
-from resilience.tolerances import INPUT_TOLERANCE
+from resilience.models.wiring import flow_limits, voltages
 
 if TYPE_CHECKING:
     from resilience.case import Case, Network
@@ -211,10 +198,13 @@ class Microgrid:
 
     @cached_property
     def _wires(self) -> list[Component]:
-        network = self.network
+        network, fleets = self.network, self.fleets.values()
         if len(network.bus_names) == 1:
             return []
-        buses = None if self.physics == "copperplate" else self._buses()
+        buses = None
+        if self.physics != "copperplate":
+            cell, sure = self._cells
+            buses = voltages(network, fleets, sure[cell], self._looped)
         lines = Lines(
             names=network.line_names,
             from_bus=network.from_bus,
@@ -225,7 +215,9 @@ class Microgrid:
             y_from=network.y_from_pu,
             y_to=network.y_to_pu,
             rating=network.rating_mva,
-            limits=self._flow_limits(buses),
+            limits=flow_limits(
+                self.case, network, fleets, buses, self._looped, losses=self.physics == "distflow"
+            ),
             determined=bridges(network) | (self._looped & (buses is not None)),
             fallible=self.fallible,
             switchable=network.switchable,
@@ -240,13 +232,12 @@ class Microgrid:
             looped=self._looped if buses else None,
             loop_shift=np.angle(mismatch(network)) if buses else None,
         )
-        voltages = [buses] if buses else []
         switches = (
             [Topology(lines, network.bus_names, self.forming, self.separate_grids, network.radial)]
             if network.switchable.any()
             else []
         )
-        return [*voltages, lines, *switches]
+        return [*([buses] if buses else []), lines, *switches]
 
     def _emitting(self, energised: Energised | None, peak: Floats | None) -> Iterator[Component]:
         """The components of a stage in which it is decided what is alive, or known; see `stage`."""
@@ -278,78 +269,6 @@ class Microgrid:
         if self.strengthened is None:
             return None
         return np.isin(self.network.line_names, self.strengthened.lines)
-
-    def _buses(self) -> Buses:
-        low, high = self.network.v_min_pu.copy(), self.network.v_max_pu.copy()
-        holder: dict[int, tuple[str, float]] = {}
-        for fleet in self.fleets.values():
-            voltage = fleet.voltage_pu()
-            for k in np.flatnonzero(np.isfinite(voltage)):
-                bus, device, v_pu = int(fleet.bus[k]), fleet.names[k], float(voltage[k])
-                first_device, first_pu = holder.setdefault(bus, (device, v_pu))
-                if abs(first_pu - v_pu) > INPUT_TOLERANCE:
-                    raise UsageError(
-                        f"{first_device} and {device} hold {first_pu:g} and {v_pu:g} pu at bus "
-                        f"{self.network.bus_names[bus]}; allowed: one voltage at one bus",
-                        hint="give both the same voltage, or a bus each",
-                    )
-                low[bus] = high[bus] = v_pu
-        network, (cell, sure) = self.network, self._cells
-        loops, on_loop = self._looped, np.zeros(len(low), bool)
-        on_loop[network.from_bus[loops]] = on_loop[network.to_bus[loops]] = True
-        return Buses(
-            names=network.bus_names,
-            v_min_pu=low,
-            v_max_pu=high,
-            shunt=network.y_bus_pu,
-            sure=sure[cell],
-            is_charged=network.is_charged,
-            looped=on_loop,
-        )
-
-    def _flow_limits(self, buses: Buses | None) -> FlowLimits:
-        """What lines can be asked to carry; `buses` have the voltages, if there are any."""
-        names, capacity = bus_capacity(self.fleets.values(), len(self.network.bus_names))
-        # A profile that is none of the case's comes from elsewhere, with what a case may state.
-        peak = np.array(
-            [
-                self.case.profile(name).max()
-                if name is None or name in self.case.profiles
-                else MAX_PU
-                for name in names
-            ]
-        )
-        network = self.network
-        if buses is None:
-            return FlowLimits(names, peak, *lossless_limits(network, capacity))
-        capacity, earth = self._with_earth(capacity, buses.v_max_pu)
-        factor, driven_pu = with_loops(network, self._looped, mismatch(network), buses.v_max_pu)
-        round_pu = circulation(network, buses.v_max_pu) + driven_pu
-        v_sent = buses.v_max_pu[network.from_bus] / network.tap
-        if self.physics == "lindistflow":
-            forth, back = lossless_limits(network, capacity)
-            # Without losses a loop is not closed exactly: room for twice what goes round.
-            forth, back = factor[:, None] * forth, factor[:, None] * back
-            for limit in (forth, back):
-                limit[:, 0] += 2.0 * v_sent * round_pu
-            return FlowLimits(names, peak, forth, back)
-        current = current_limits(network, capacity, buses.v_min_pu, earth)
-        current *= factor[:, None]
-        current[:, 0] += round_pu
-        sent = v_sent[:, None] * current
-        return FlowLimits(names, peak, sent, sent, current)
-
-    def _with_earth(self, capacity: Capacity, v_max_pu: Floats) -> tuple[Capacity, Floats]:
-        """What devices can do and admittances to earth, and (buses, 1) the current of the latter.
-
-        Their power is constant, the first of the profiles.
-        """
-        feeds, takes = (y * v_max_pu**2 for y in admittances(self.network))
-        supply, demand = capacity.supply.copy(), capacity.demand.copy()
-        supply[:, 0] += feeds
-        demand[:, 0] += takes
-        earth = (feeds + takes) * math.sqrt(2.0) / v_max_pu  # |y| is sqrt(2) max(|g|, |b|) at most
-        return Capacity(supply, demand, capacity.apparent), earth[:, None]
 
     def stage(
         self,
