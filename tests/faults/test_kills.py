@@ -16,8 +16,9 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 OUTPUTS = {
-    "plan", "plan over scenarios", "comparison", "part of a comparison", "hazard", "scenarios npz",
-    "scenarios csv", "case", "measured case", "reproduction", "part of a reproduction", "picture",
+    "plan", "plan over scenarios", "comparison", "part of a comparison", "hazard", "survival",
+    "scenarios npz", "scenarios csv", "case", "measured case", "reproduction",
+    "part of a reproduction", "picture",
 }  # fmt: skip
 
 

@@ -55,7 +55,12 @@ def test_branch_exchange_comes_near_what_is_known(buses: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("buses", "seconds", "gap"), [(69, 60.0, 1e-3), (118, 30.0, 0.03), (136, 30.0, 0.01)]
+    ("buses", "seconds", "gap"),
+    [
+        (69, 60.0, 1e-3),
+        pytest.param(118, 30.0, 0.03, marks=pytest.mark.exhaustive),
+        pytest.param(136, 30.0, 0.01, marks=pytest.mark.exhaustive),
+    ],
 )
 def test_minlp_finds_it_and_says_how_good_it_is(buses: int, seconds: float, gap: float) -> None:
     """Seconds of this process, so that a busy machine proves as much as an idle one."""
