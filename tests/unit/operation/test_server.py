@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import subprocess
 import sys
 import time
@@ -25,7 +26,10 @@ from tests.unit.operation.plant import Plant, simulated, storm_case, storm_world
 pytest.importorskip("fastapi")
 pytest.importorskip("uvicorn")
 
-from resilience.operation.server import check_exposure
+import uvicorn
+
+from resilience.operation.operator import Operator
+from resilience.operation.server import check_exposure, serve
 
 JSON = {"Content-Type": "application/json"}
 START_S = 120.0
@@ -245,3 +249,22 @@ def test_a_server_that_is_told_to_end_ends(folder: Path) -> None:
         client.process.terminate()
         client.process.wait(30.0)
         assert time.monotonic() - began < 20.0
+
+
+def test_an_answer_in_two_packets_does_not_wait_for_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An accepted connection inherits the option; what answers in 40 ms else decides in 6."""
+    delays: list[int] = []
+
+    def served(_: uvicorn.Server, sockets: list[socket.socket]) -> None:
+        option = socket.IPPROTO_TCP, socket.TCP_NODELAY
+        with socket.create_connection(sockets[0].getsockname()[:2]):
+            accepted, _address = sockets[0].accept()
+            with accepted:
+                delays.append(accepted.getsockopt(*option))
+
+    monkeypatch.setattr(uvicorn.Server, "run", served)
+    with Operator(storm_case(slots=4), "rule-0.9") as operator:
+        serve(operator, port=0)
+    assert delays == [1]
