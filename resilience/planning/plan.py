@@ -24,6 +24,7 @@ from resilience.planning.records import (
     CertifiedPlan,
     Costs,
     Horizon,
+    Number,
     check_kinds,
     read_record,
     read_tables,
@@ -256,12 +257,12 @@ def _load_plan(root: Path) -> Plan:
 
 
 KINDS: dict[str, Any] = {
-    "operating_cost": float,
-    "terminal_credit": float,
-    "costs": dict[str, float],
-    "energy_mwh": dict[str, float],
-    "shed_mwh": float,
-    "shed_by_load": dict[str, dict[str, float]],
+    "operating_cost": Number,
+    "terminal_credit": Number,
+    "costs": dict[str, Number],
+    "energy_mwh": dict[str, Number],
+    "shed_mwh": Number,
+    "shed_by_load": dict[str, dict[str, Number]],
     "shed_causes": dict[str, dict[str, str]],
     "outages": list[str],
 }

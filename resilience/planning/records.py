@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 from resilience.errors import CertificateError, UsageError
 from resilience.inputs import checked_path
@@ -299,18 +299,20 @@ class CertifiedPlan(Shown):
         return {key: getattr(self, key) for key in self.summary_keys}
 
 
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""In a summary: no text, and none that JSON cannot hold."""
 COMMON_KINDS: dict[str, Any] = {
     "name": str,
     "method": str,
     "physics": Literal["copperplate", "lindistflow", "distflow"],
-    "objective": float,
+    "objective": Number,
     "notes": list[str],
     "not_modelled": list[str],
     "start": datetime,
-    "step_min": float,
-    "seconds_by_phase": dict[str, float],
+    "step_min": Number,
+    "seconds_by_phase": dict[str, Number],
     "relaxed": list[str],
-    "audit": dict[str, float],
+    "audit": dict[str, Number],
     "audit_worst": str,
 }
 """What stands in the summary of every plan."""

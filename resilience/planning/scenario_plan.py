@@ -34,6 +34,7 @@ from resilience.planning.records import (
     CertifiedPlan,
     Costs,
     Horizon,
+    Number,
     check_kinds,
     read_record,
     read_tables,
@@ -359,8 +360,8 @@ def _load_scenario_plan(root: Path) -> ScenarioPlan:
 
 
 KINDS: dict[str, Any] = {
-    "expected_operating_cost": float,
-    "expected_terminal_credit": float,
+    "expected_operating_cost": Number,
+    "expected_terminal_credit": Number,
     "algorithm": str,
     "risk": str,
     "scenarios": int,

@@ -141,6 +141,23 @@ def test_a_summary_with_a_key_too_many_is_none_of_a_plan(tmp_path: Path) -> None
         rs.load_plan(tmp_path / "run")
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"seconds_by_phase": {"case": "0.25"}},
+        {"audit": {"balance.p": -np.inf}},
+        {"operating_cost": "8.0"},
+        {"costs": {"grid.import": np.nan}},
+        {"shed_by_load": {"load1": {"power": "9" * 400}}},
+    ],
+)
+def test_a_number_of_a_summary_is_a_number(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    """No text that looks like one, and none that JSON cannot hold."""
+    written(tmp_path / "run", PLAN | wrong)
+    with pytest.raises(rs.UsageError):
+        rs.load_plan(tmp_path / "run")
+
+
 def test_a_plan_knows_how_long_it_took() -> None:
     plan = rs.solve(small_case(grid=[GRID]), "lp")
     assert list(plan.seconds_by_phase) == ["case", "model", "linear program", "tie-break", "audit"]
