@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.files import check_picture
 from resilience.planning.hardening.report import Hardening
 from resilience.plots import style
 
@@ -29,10 +28,7 @@ def plot_hardening(hardening: Hardening, path: str | Path | None = None) -> Figu
     Raises:
         UsageError: a suffix that is no picture format.
     """
-    if path is not None:
-        check_picture(Path(path))
-    with style.look():
-        return style.write_figure(_draw(hardening), path)
+    return style.picture(lambda: _draw(hardening), path)
 
 
 def _draw(hardening: Hardening) -> Figure:

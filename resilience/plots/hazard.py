@@ -9,7 +9,6 @@ import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.schema import GridTable, StormTable
-from resilience.files import check_picture
 from resilience.fragility.chain import slot_times
 from resilience.fragility.lines.spans import Series, SpannedLines, SpanWind, failure_probability
 from resilience.fragility.tracks import interpolated
@@ -41,10 +40,7 @@ def plot_hazard(hazard: Hazard, path: str | Path | None = None) -> Figure:
     Raises:
         UsageError: a suffix that is no picture format.
     """
-    if path is not None:
-        check_picture(Path(path))
-    with style.look():
-        return style.write_figure(_draw(hazard), path)
+    return style.picture(lambda: _draw(hazard), path)
 
 
 def _draw(hazard: Hazard) -> Figure:

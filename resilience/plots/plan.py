@@ -10,7 +10,6 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.case.schema import GridTable
 from resilience.errors import UsageError
-from resilience.files import check_picture
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.planning.plan import Plan
 from resilience.plots import panels, style
@@ -27,10 +26,7 @@ def plot_plan(plan: Plan, path: str | Path | None = None) -> Figure:
     Raises:
         UsageError: the suffix is no picture format, or the plan is without its case.
     """
-    if path is not None:
-        check_picture(Path(path))
-    with style.look():
-        return style.write_figure(_draw(plan), path)
+    return style.picture(lambda: _draw(plan), path)
 
 
 def _draw(plan: Plan) -> Figure:

@@ -13,7 +13,6 @@ from resilience.dispatch.registry import REFERENCE
 from resilience.evaluation.comparison import BOUND, Compared
 from resilience.evaluation.paired import daily_cost, days_of
 from resilience.evaluation.verdict import verdict
-from resilience.files import check_picture
 from resilience.plots import style
 from resilience.plots.report_data import Record, has_bound, records
 
@@ -48,10 +47,7 @@ def plot_report(compared: Compared, path: str | Path | None = None) -> Figure:
     Raises:
         UsageError: the suffix is no picture format.
     """
-    if path is not None:
-        check_picture(Path(path))
-    with style.look():
-        return style.write_figure(_draw(compared), path)
+    return style.picture(lambda: _draw(compared), path)
 
 
 def _draw(compared: Compared) -> Figure:

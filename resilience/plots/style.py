@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from resilience.arrays import Floats
-from resilience.files import replacing_file
+from resilience.files import check_picture, replacing_file
 from resilience.models.components import ESS, fleet_classes, in_roles
 from resilience.models.components.fleet import AnyFleet
 from resilience.plots.letters import IGNORED, save_figure
@@ -82,6 +82,18 @@ def write_figure(figure: Figure, path: str | Path | None) -> Figure:
         with replacing_file(Path(path)) as fresh:
             save_figure(figure, fresh, str(path), DPI)
     return figure
+
+
+def picture(draw: Callable[[], Figure], path: str | Path | None) -> Figure:
+    """What is drawn in our look, written where there is a path, which is checked first.
+
+    Raises:
+        UsageError: a suffix that is no picture format.
+    """
+    if path is not None:
+        check_picture(Path(path))
+    with look():
+        return write_figure(draw(), path)
 
 
 def headed(figure: Figure, text: str) -> None:

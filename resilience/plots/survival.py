@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from resilience.evaluation.survival import Survival
-from resilience.files import check_picture
 from resilience.plots import style
 
 if TYPE_CHECKING:
@@ -28,10 +27,7 @@ def plot_survival(survival: Survival, path: str | Path | None = None) -> Figure:
     Raises:
         UsageError: a suffix that is no picture format.
     """
-    if path is not None:
-        check_picture(Path(path))
-    with style.look():
-        return style.write_figure(_draw(survival), path)
+    return style.picture(lambda: _draw(survival), path)
 
 
 def _draw(survival: Survival) -> Figure:
