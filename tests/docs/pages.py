@@ -21,6 +21,7 @@ from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "docs" / "guide" / "first-feeder.md"
@@ -58,12 +59,10 @@ class Run:
 
     def command(self, line: str) -> tuple[str, int]:
         """Return what a command prints (errors where it fails) and its exit code."""
-        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-        env = os.environ | {"PATH": path, "COLUMNS": "80", "NO_COLOR": "1"}
         done = subprocess.run(
             ["bash", "-c", line],
             cwd=self.folder,
-            env=env,
+            env=os.environ | with_command() | {"COLUMNS": "80", "NO_COLOR": "1"},
             capture_output=True,
             text=True,
             check=False,
@@ -73,9 +72,14 @@ class Run:
     def program(self, source: str) -> str:
         """Return what a program prints."""
         out = io.StringIO()
-        with chdir(self.folder), redirect_stdout(out):
+        with patch.dict(os.environ, with_command()), chdir(self.folder), redirect_stdout(out):
             exec(compile(source, "page", "exec"), self.names)
         return tidy(out.getvalue())
+
+
+def with_command() -> dict[str, str]:
+    """Return the search path that finds `resilience` of this environment, active or not."""
+    return {"PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
 
 
 def tidy(text: str) -> str:

@@ -146,6 +146,8 @@ def test_a_summary_with_a_key_too_many_is_none_of_a_plan(tmp_path: Path) -> None
     [
         {"seconds_by_phase": {"case": "0.25"}},
         {"audit": {"balance.p": -np.inf}},
+        {"audit": {"balance.p": np.nan}},
+        {"objective": np.nan},
         {"operating_cost": "8.0"},
         {"costs": {"grid.import": np.nan}},
         {"shed_by_load": {"load1": {"power": "9" * 400}}},
