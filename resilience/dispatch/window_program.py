@@ -46,6 +46,10 @@ MAX_REACH_H = 48.0
 GAP = 1e-6
 """Share of the cost, and $, by which the commitment of a first slot may miss the optimum."""
 
+LATER = 1e-7
+"""Share by which shedding costs less for every slot that it comes later: of plans that cost the same,
+the one that serves loads now is taken, as what is ahead may turn out better."""
+
 POWER_UNITS = ("MW", "Mvar", "m³/h")
 """Units of data that shrink with the part of a step that lies within the horizon."""
 
@@ -287,6 +291,10 @@ class WindowProgram:
         self._with_before = any(b.name == BOUND for b in stages[0].datums)
         self._latest: tuple[WindowRequest, dict[str, Floats], Floats] | None = None
         self._column_path = self._paths_of_columns()
+        self._served_sooner = np.ones(standard.n_columns)
+        if standard.has("load.shed"):
+            later_slots = steps.starts[self.step_of]
+            self._served_sooner[standard.columns("load.shed")] -= LATER * later_slots
         self._powers = {b.name for s in stages for b in s.datums if b.unit in POWER_UNITS}
 
     def _paths_of_columns(self) -> Ints:
@@ -356,7 +364,7 @@ class WindowProgram:
         shared = self._column_path < 0
         # The tree was built with equally likely paths.
         weight = np.where(shared, 1.0, self.paths * request.probability[self._column_path])
-        vectors.cost *= weight
+        vectors.cost *= weight * self._served_sooner
         vectors.cost[self._end] -= request.probability * request.end_values[:, None]
         return vectors
 

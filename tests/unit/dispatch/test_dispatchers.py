@@ -16,6 +16,7 @@ from resilience.dispatch.mpc import BlindMPC
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
 from resilience.dispatch.stochastic import Stochastic
+from resilience.dispatch.window_program import LATER
 from resilience.errors import UsageError
 from resilience.evaluation.clairvoyant import Replay, clairvoyant
 from resilience.evaluation.compare import compare
@@ -207,7 +208,8 @@ def test_a_window_as_long_as_the_horizon_is_the_optimum() -> None:
     )  # fmt: skip
     mpc.act(seen)
     value = mpc.program.solver.model.info.objective
-    assert value == pytest.approx(plan.objective, rel=1e-9)
+    spent = sum(abs(cost) for cost in plan.costs.values())
+    assert value == pytest.approx(plan.objective, abs=12 * LATER * spent)
 
 
 def test_stochastic_is_near_the_bound_where_rules_are_far() -> None:
