@@ -47,8 +47,8 @@ GAP = 1e-6
 """Share of the cost, and $, by which the commitment of a first slot may miss the optimum."""
 
 LATER = 1e-7
-"""Share by which shedding costs less for every slot that it comes later: of plans that cost the same,
-the one that serves loads now is taken, as what is ahead may turn out better."""
+"""Share by which shedding costs less for every slot that it comes later: of plans that cost the
+same, the one that serves loads now is taken, as what is ahead may turn out better."""
 
 POWER_UNITS = ("MW", "Mvar", "m³/h")
 """Units of data that shrink with the part of a step that lies within the horizon."""

@@ -52,8 +52,8 @@ def test_commands_and_programs(page: str, tmp_path: Path) -> None:
 
 
 def assert_same(step: Step, pasted: str) -> None:
-    """What costs money agrees to 1e-3 (to the gap asked for), decimals to their last place (a tie is
-    rounded either way), everything else to the letter."""
+    """What costs money agrees to 1e-3 (to the gap asked for), decimals to their last place (ties
+    are rounded either way), everything else to the letter."""
     costs = [OBJECTIVE.search(text) for text in (step.printed, pasted)]
     if costs[0] and costs[1]:
         assert float(costs[0][1]) == pytest.approx(float(costs[1][1]), rel=1e-3), step.source
