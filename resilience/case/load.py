@@ -13,7 +13,7 @@ from resilience.case.checks.blackout import check_blackout
 from resilience.case.checks.checks import check_parts
 from resilience.case.checks.geography import check_geography
 from resilience.case.checks.parts import Parts
-from resilience.case.checks.plan import check_plan
+from resilience.case.checks.plan import SITES, check_plan
 from resilience.case.checks.reserve import check_reserve
 from resilience.case.checks.storm import check_storm
 from resilience.case.cloud import under_cloud
@@ -307,11 +307,13 @@ def _read_profiles(parts: Parts) -> dict[str, Floats]:
 
 def _profile_uses(parts: Parts) -> Iterator[tuple[Place, str, str, str]]:
     """`(place, title, key, column)` for every profile that a device names."""
-    for kind, device, title in parts.all_devices():
+    tables = [((kind, str(device.name)), device, t) for kind, device, t in parts.all_devices()]
+    tables += [(SITES, unit, title) for _, unit, title in parts.sites]
+    for where, table, title in tables:
         for key in ("profile", "price_profile"):
-            name = getattr(device, key, None)
+            name = getattr(table, key, None)
             if name is not None:
-                yield (kind, str(device.name), key), title, key, name
+                yield (*where, key), title, key, name
 
 
 def _read_outages(parts: Parts, head: HeadTable) -> tuple[Outage, ...]:

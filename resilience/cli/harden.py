@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 def harden(
     case: options.CaseName,
     budget: Annotated[
-        float | None, typer.Option(help="Most to spend, $; the case's [plan] budget if omitted.")
+        float | None,
+        typer.Option(help="Most to spend, $; that of [plan] if omitted."),
     ] = None,
     storms: Annotated[int, typer.Option(help="How many are planned for.", min=1)] = 200,
     seed: Annotated[int, typer.Option(help="Of their draw.", min=0)] = 0,
@@ -38,7 +39,7 @@ def harden(
     ] = None,
     cost: Annotated[float, typer.Option(help="Of that option, $.", min=0.0)] = 1.0,
     lines: Annotated[
-        str | None, typer.Option(help="Those alone, with commas.", metavar="LINES")
+        str | None, typer.Option(help="Of lines, those alone, with commas.", metavar="LINES")
     ] = None,
     frontier: Annotated[
         str | None, typer.Option(help="Further budgets, $, with commas.", metavar="BUDGETS")
@@ -69,7 +70,7 @@ def harden(
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
-    """Which lines to strengthen before the storm, within a budget, with a proven bound."""
+    """What to build before the storm, within a budget or as far as it pays, with a proven bound."""
     import resilience as rs
     from resilience.files import check_picture
 

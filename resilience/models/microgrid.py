@@ -20,6 +20,7 @@ from resilience.models.components import (
     Energised,
     Generators,
     Lines,
+    Sited,
     Strengthened,
     Tanks,
     Topology,
@@ -61,6 +62,7 @@ class Microgrid:
         lines_of: (lines,) index in the case's network of every line of `network`.
         fallible: (lines,) lines that data may take out.
         strengthened: lines that can be strengthened before the storm; usually none.
+        sited: units that may be built before it; usually none.
     """
 
     case: Case
@@ -70,6 +72,7 @@ class Microgrid:
     lines_of: Ints
     fallible: Bools
     strengthened: Strengthened | None = None
+    sited: Sited | None = None
 
     @classmethod
     def build(cls, case: Case, physics: Physics = "lindistflow") -> Microgrid:
@@ -172,8 +175,8 @@ class Microgrid:
     def components(self) -> tuple[Component, ...]:
         """Everything that emits into the stage, voltages and switches included."""
         first: tuple[Component, ...] = () if self.energised is None else (self.energised,)
-        if self.strengthened is not None:
-            first = (self.strengthened, *first)
+        choices = [built for built in (self.strengthened, self.sited) if built is not None]
+        first = (*choices, *first)
         tanks = () if self.tanks is None else (self.tanks,)
         return (*first, *self.fleets.values(), *self.cold_loads, *tanks, *self._wires)
 
@@ -297,6 +300,8 @@ class Microgrid:
             if power is None:
                 continue
             if isinstance(component, DeviceFleet):
+                if self.sited is not None:
+                    self.sited.limit(stage, component, power)
                 if energised is not None:
                     energised.limit(stage, component, power)
                 if may_spill:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from resilience.arrays import Floats
+from resilience.planning.hardening.draws import StrengthOption
 from resilience.planning.hardening.report import Hardening
+from resilience.planning.hardening.sites import UnitOption
 from resilience.plots import style
 
 if TYPE_CHECKING:
@@ -61,8 +64,9 @@ def _places(hardening: Hardening) -> Floats | None:
 def _map(axis: Axes, hardening: Hardening) -> None:
     place, network = _places(hardening), hardening.case.network
     assert place is not None
-    fails = {o.line: p for o, p in zip(hardening.options, hardening.fails, strict=True)}
-    built = {option.line for option in hardening.chosen}
+    chances = zip(hardening.options, hardening.fails, strict=True)
+    fails = {option.line: p for option, p in chances if isinstance(option, StrengthOption)}
+    built = {option.line for option in hardening.chosen if isinstance(option, StrengthOption)}
     for k, name in enumerate(network.line_names):
         if not network.in_service[k]:
             continue
@@ -74,9 +78,21 @@ def _map(axis: Axes, hardening: Hardening) -> None:
                 name, (x.mean(), y.mean()), (3, 3), textcoords="offset points", fontsize=7
             )
     axis.plot(*place.T, "o", color="#000000", ms=2.2)
+    _units(axis, hardening, place)
     axis.set_title("built (orange), width: chance to fail", fontsize=9, loc="left")
     axis.set_aspect("equal", adjustable="datalim")
     axis.set_axis_off()
+
+
+def _units(axis: Axes, hardening: Hardening, place: Floats) -> None:
+    """A mark at every bus at which units are built, with their sites and how many."""
+    chosen = [option for option in hardening.chosen if isinstance(option, UnitOption)]
+    sites = Counter((option.unit.bus, option.site) for option in chosen)
+    for (bus, site), number in sites.items():
+        x, y = place[hardening.case.network.bus(bus)]
+        axis.plot(x, y, "s", color=style.METHOD_COLOURS[1], ms=6)
+        words = site if number == 1 else f"{number} × {site}"
+        axis.annotate(words, (x, y), (5, 5), textcoords="offset points", fontsize=7)
 
 
 def _costs(axis: Axes, hardening: Hardening) -> None:

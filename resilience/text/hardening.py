@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from resilience.planning.hardening.draws import StrengthOption
+from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.report import Hardening
+from resilience.planning.hardening.sites import UnitOption
 from resilience.text.grid import grid
 
 if TYPE_CHECKING:
@@ -22,11 +25,13 @@ def print_hardening(hardening: Hardening, console: Console) -> None:
     head = f"  {h.storms} storms, seed {h.seed}, {h.risk}"
     console.print(Text.assemble((h.case.name, "bold"), head), highlight=False)
     console.print(_verdict(h), highlight=False)
-    console.print(grid("what to build", _chosen(h), "", "cost $", "fails", "alone $", "last $"))
+    unit = "$" if h.years is None else "$/year"
+    heads = ("", "cost $", "fails", f"alone {unit}", f"last {unit}")
+    console.print(grid("what to build", _chosen(h), *heads))
     title = "a storm that the plan has not seen"
     console.print(grid(title, _judged(h), "", *_shown(h)), highlight=False)
     if len(h.frontier) > 1:
-        heads = ("budget $", "spent $", "objective $", "proven $", "built")
+        heads = ("budget $", "spent $", f"objective {unit}", f"proven {unit}", "built")
         console.print(grid("other budgets", _frontier(h), *heads))
     for line in (*_remarks(h), *h.notes):
         console.print(line, highlight=False)
@@ -34,9 +39,11 @@ def print_hardening(hardening: Hardening, console: Console) -> None:
 
 def _verdict(h: Hardening) -> str:
     proof = "proven to" if h.status == "optimal" else "not proven further than to"
+    limit = f" of {h.budget:,.10g} $" if math.isfinite(h.budget) else ""
+    unit = "$" if h.years is None else "$ a year"
     return (
-        f"{len(h.chosen)} of {len(h.options)} options for {h.cost:,.10g} $ of {h.budget:,.10g} $: "
-        f"objective {h.choice.value:.2f} $, bound {h.choice.bound:.2f} $, {proof} "
+        f"{len(h.chosen)} of {len(h.options)} options for {h.cost:,.10g} ${limit}: "
+        f"objective {h.choice.value:.2f} {unit}, bound {h.choice.bound:.2f} {unit}, {proof} "
         f"{100 * h.choice.gap:.2g} %"
     )
 
@@ -46,14 +53,19 @@ def _chosen(h: Hardening) -> list[tuple[str, ...]]:
     order = sorted(np.flatnonzero(h.choice.chosen), key=lambda k: -h.beside[k])
     return [
         (
-            h.options[k].label,
+            _words(h.options[k]),
             f"{h.options[k].cost:,.10g}",
-            f"{h.fails[k]:.1%}",
-            f"{h.alone[k]:.2f}",
+            "" if np.isnan(h.fails[k]) else f"{h.fails[k]:.1%}",
+            "" if np.isnan(h.alone[k]) else f"{h.alone[k]:.2f}",
             f"{h.beside[k]:.2f}",
         )
         for k in order
     ]
+
+
+def _words(option: Option) -> str:
+    """Its name, and of a unit what it is and where."""
+    return f"{option.label}, {option.place}" if isinstance(option, UnitOption) else option.label
 
 
 def _shown(h: Hardening) -> list[str]:
@@ -84,7 +96,20 @@ def _judged(h: Hardening) -> list[tuple[str, ...]]:
         rows.append((words, *(_with_error(*pair, digits) for pair in pairs)))
     worst = f"worst {100 * (1 - h.risk.alpha):.3g} %, $"
     rows.insert(2, (worst, *(f"{row['cvar']:.0f}" for row in table)))
-    return rows
+    return [*rows, *_of_a_year(h)]
+
+
+def _of_a_year(h: Hardening) -> list[tuple[str, ...]]:
+    """What is built and what storms cost in a year, where it is said how many come."""
+    if h.years is None:
+        return []
+    table = h.yearly().loc[_shown(h)]
+    net = [_with_error(*pair, 0) for pair in zip(table["saved"], table["saved_error"], strict=True)]
+    return [
+        ("built, $/year", *(f"{value:.0f}" for value in table["built"])),
+        ("storms, $/year", *(f"{value:.0f}" for value in table["storms"])),
+        ("saved net, $/year", *net),
+    ]
 
 
 def _with_error(value: float, error: float, digits: int) -> str:
@@ -95,7 +120,7 @@ def _with_error(value: float, error: float, digits: int) -> str:
 def _frontier(h: Hardening) -> list[tuple[str, ...]]:
     return [
         (
-            f"{budget:,.10g}",
+            f"{budget:,.10g}" if math.isfinite(float(str(budget))) else "any",
             f"{row['spent']:,.10g}",
             f"{row['value']:.2f}",
             f"{row['bound']:.2f}",
@@ -117,21 +142,28 @@ def _remarks(h: Hardening) -> list[str]:
         f"ones {unseen.value(h.risk):.1f} $: a plan may look better where it was chosen.",
         f"With as many crews as needed the former would cost {h.without_crews:.1f} $.",
     ]
-    best = h.next_best
+    best, unit = h.next_best, "$" if h.years is None else "$ a year, its own cost paid"
     if best is not None:
         saved = float(h.beside[h.options.index(best)])
-        lines.append(f"Next best: {best.label} for {best.cost:,.10g} $ would save {saved:.2f} $.")
+        lines.append(
+            f"Next best: {_words(best)} for {best.cost:,.10g} $ would save {saved:.2f} {unit}."
+        )
     return [*lines, *_left_alone(h)]
 
 
 def _left_alone(h: Hardening) -> list[str]:
     """What the line that fails most often would save, where it is not built."""
-    k = int(np.argmax(h.fails))
+    k = int(np.argmax(np.nan_to_num(h.fails)))
     option = h.options[k]
-    if option.line in {chosen.line for chosen in h.chosen}:
+    built = {chosen.line for chosen in h.chosen if isinstance(chosen, StrengthOption)}
+    if not isinstance(option, StrengthOption) or option.line in built:
         return []
+    head = f"{option.line} fails most often, in {h.fails[k]:.0%} of storms, and is not built"
+    unit = "$" if h.years is None else "$ a year"
+    alone, beside = h.alone[k], h.beside[k]
+    if max(alone, beside) < 0.0:
+        return [f"{head}: it would cost {-max(alone, beside):.2f} {unit} more than it saves."]
     return [
-        f"{option.line} fails most often, in {h.fails[k]:.0%} of storms, and is not built: it "
-        f"would save {h.alone[k]:.2f} $ alone and {h.beside[k]:.2f} $ beside the plan, as sources "
-        "behind it stand in for it, or other lines fail with it."
+        f"{head}: it would save {alone:.2f} {unit} alone and {beside:.2f} {unit} beside the plan, "
+        "as sources behind it stand in for it, or other lines fail with it."
     ]

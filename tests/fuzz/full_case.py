@@ -161,7 +161,12 @@ def stormy_case() -> dict[str, Any]:
         "harden": [{"factor": 1.4, "cost": 30.0}, {"underground": True, "cost": 200.0}]
     }
     strengths = [{"factor": 1.5, "cost": 40.0}, {"underground": True, "cost": 90.0}]
-    data["plan"] = {"budget": 1000.0, "harden": strengths}
+    strengths[0]["life_years"] = 30.0
+    unit = {"bus": "2", "p_max_mw": 0.1, "e_mwh": 0.2}
+    site = {"name": "depot", "kind": "ess", "units": 2, "cost": 5.0, "life_years": 15.0}
+    data["plan"] = {"budget": 1000.0, "harden": strengths, "storms_per_year": 0.5,
+                    "interest_rate": 0.04, "life_years": 40.0,
+                    "site": [site | {"unit": unit}]}  # fmt: skip
     data["defaults"] |= {
         "ess": {"efficiency_charge": 0.93}, "grid": {"v_pu": 1.0},
         "pv": {"curtailable": True}, "generator": {"initial_hours": 12.0},

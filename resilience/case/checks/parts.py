@@ -38,6 +38,7 @@ class Parts:
         storm: the table `[storm]`.
         blackout: the table `[blackout]`.
         plan: the table `[plan]`.
+        sites: kind, table and title of what may be built at each place of `plan`.
         devices: by kind, tables with their titles in messages: `[[ess]] ess2`.
     """
 
@@ -53,6 +54,7 @@ class Parts:
     storm: StormTable | None = None
     blackout: BlackoutTable | None = None
     plan: PlanTable | None = None
+    sites: list[tuple[str, Any, str]] = field(default_factory=list)
     devices: dict[str, list[tuple[Any, str]]] = field(default_factory=dict)
 
     def all_devices(self) -> Iterator[tuple[str, Any, str]]:

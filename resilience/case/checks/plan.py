@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from resilience.case.checks.parts import Parts
+from resilience.case.checks.rules import broken_rules
 from resilience.case.document import Finding
-from resilience.case.schema import StrengthTable
+from resilience.case.reading import read_table, show
+from resilience.case.schema import DEVICES, SiteTable, StrengthTable
+from resilience.errors import did_you_mean
+
+SITES = ("plan", "site")
 
 
 def check_plan(parts: Parts) -> None:
@@ -24,6 +30,57 @@ def check_plan(parts: Parts) -> None:
     if parts.plan is not None:
         findings = [*_wrong_options(parts.plan.harden or ())]
         document.add_findings(("plan",), "[plan]", findings)
+        _check_sites(parts, parts.plan.site or ())
+
+
+def _check_sites(parts: Parts, sites: Sequence[SiteTable]) -> None:
+    """Notes what is wrong with what may be built, as of any device, and keeps the tables."""
+    kinds = [kind for kind, device in DEVICES.items() if device.table.buildable is not None]
+    names = _names(parts)
+    for site in sites:
+        title = f"[[plan.site]] {site.name}"
+        if site.kind not in kinds:
+            words = ", ".join(kinds)
+            if site.kind is not None:
+                hint = did_you_mean(site.kind, kinds)
+                parts.document.add(SITES, title, "kind", show(site.kind), words, hint)
+            continue
+        if site.name in names:
+            hint = "rename it; results are keyed by name"
+            parts.document.add(SITES, title, "name", show(site.name), "a name used once", hint)
+        names.add(str(site.name))
+        table = DEVICES[site.kind].table
+        raw = {"name": site.name, **site.unit} if isinstance(site.unit, dict) else site.unit
+        unit, sound = read_table(table, raw, parts.document, f"{title} unit", SITES)
+        findings = [*broken_rules(site.kind, unit), *_wrong_unit(site, unit, sound, parts)]
+        parts.document.add_findings(SITES, f"{title} unit", findings)
+        if sound:
+            parts.sites.append((site.kind, unit, title))
+
+
+def _names(parts: Parts) -> set[str]:
+    """Names of all devices and tanks."""
+    return {str(device.name) for _, device, _ in parts.all_devices()} | {
+        str(tank.name) for tank, _ in parts.tanks
+    }
+
+
+def _wrong_unit(site: SiteTable, unit: Any, sound: bool, parts: Parts) -> Iterator[Finding]:
+    """What a unit that may be built cannot be, though one that stands can."""
+    bus, network = unit.bus, parts.network
+    if (
+        network is not None
+        and bus
+        and bus not in parts.inline.bus_names
+        and not network.has_bus(bus)
+    ):
+        yield "bus", show(bus), "a bus of the network", network.bus_hint(bus)
+    if isinstance(site.unit, dict) and "name" in site.unit:
+        yield "name", show(site.unit["name"]), "none", "the site has the name"
+    for key, allowed in (type(unit).buildable or {}).items():
+        if sound and getattr(unit, key) != allowed:
+            hint = "no commitment, ramps, curves, tanks or failures are planned for what is built"
+            yield key, show(getattr(unit, key)), show(allowed), hint
 
 
 def _wrong_options(options: Sequence[StrengthTable]) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ is one file with table and component, and one call before the case is read:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -59,6 +60,8 @@ MAX_HOURS = 10_000.0
 class PVTable(UnitTable):
     """`[[pv]]`: a photovoltaic plant."""
 
+    buildable: ClassVar[Mapping[str, object]] = {"curtailable": True, "can_fail": False}
+
     p_max_mw: NonNegative = Field(description="output at a profile value of 1, MW")
     profile: str | None = Field(None, description="profile column; absent: constant at the peak")
     curtailable: bool = Field(True, description="false: all of its output must be taken")
@@ -78,6 +81,8 @@ class PVTable(UnitTable):
 
 class ESSTable(UnitTable):
     """`[[ess]]`: a storage system. Powers are at the grid side, charging positive."""
+
+    buildable: ClassVar[Mapping[str, object]] = {"soc_final_min": None, "can_fail": False}
 
     p_max_mw: NonNegative = Field(description="charging limit, MW")
     p_min_mw: float = Field(
@@ -114,6 +119,10 @@ class GeneratorTable(UnitTable):
     """`[[generator]]`: a dispatchable unit with commitment."""
 
     stands_by: ClassVar[bool] = True
+    buildable: ClassVar[Mapping[str, object]] = {
+        "needs_commitment": False, "ramp_up_mw_per_h": None, "ramp_down_mw_per_h": None,
+        "cost_curve": None, "tank": None, "can_fail": False,
+    }  # fmt: skip
 
     p_min_mw: NonNegative = Field(0.0, description="least output while on, MW")
     p_max_mw: NonNegative = Field(description="greatest output, MW")

@@ -7,11 +7,20 @@ currency of the case, per MWh. Rules that join two keys or two tables live in `c
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from resilience.case.schema.fields import Loose, Money, Name, NonNegative, Positive, Price, Table
+from resilience.case.schema.fields import (
+    Loose,
+    Money,
+    Name,
+    NonNegative,
+    Positive,
+    Price,
+    Share,
+    Table,
+)
 from resilience.case.schema.units import (
     Availability,
     FallibleTable,
@@ -23,6 +32,9 @@ MAX_SLOTS = 1_000_000
 """Of a horizon."""
 MAX_SIGMA_SLOTS = 960
 """Ten days: beyond, a bell is as wide as the horizon, and a number is a slip."""
+MAX_UNITS = 20
+"""Alike, at one site."""
+Life = Annotated[float, Field(gt=0, le=200)]
 Slots = Annotated[int, Field(gt=0, le=366 * 96)]
 
 
@@ -118,17 +130,43 @@ class StrengthTable(Table):
     )
     underground: bool = Field(False, description="true: it becomes a cable, which no storm breaks")
     cost: Money = Field(description="to build it, $")
+    life_years: Life | None = Field(None, description="how long it lasts; else the plan's")
+
+
+class SiteTable(Table):
+    """`[[plan.site]]`: a place where storage, PV or generators may be built, in units alike."""
+
+    name: Name = Field(
+        description="of the units to be built, with a number where there are several"
+    )
+    kind: Name = Field(description="what the units are: ess, pv or generator")
+    units: int = Field(1, ge=1, le=MAX_UNITS, description="how many may be built")
+    cost: Money = Field(description="to build one of them, $")
+    life_years: Life | None = Field(None, description="how long one lasts; else the plan's")
+    unit: dict[str, Any] = Field(
+        description="one of them: the keys of a table of its kind but for its name"
+    )
 
 
 class PlanTable(Table):
     """`[plan]`: what may be built before the storm."""
 
     budget: Money | None = Field(None, description="most that may be spent, $")
+    storms_per_year: Annotated[float, Field(gt=0, le=MAX_UNITS)] | None = Field(
+        None,
+        description="how many storms like that of the case come in a year: what is built is then "
+        "weighed against a year of storms",
+    )
+    interest_rate: Share = Field(0.05, description="of the money that is spent, a year")
+    life_years: Life = Field(40.0, description="how long what is built lasts")
     harden: tuple[StrengthTable, ...] = Field(
         (),
         strict=False,
         description="ways of strengthening every line that the storm may break and that does not "
         "say its own",
+    )
+    site: tuple[SiteTable, ...] = Field(
+        (), strict=False, description="places where something may be built"
     )
 
 

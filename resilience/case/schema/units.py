@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar
 
 from pydantic import Field
@@ -10,7 +11,14 @@ from resilience.case.schema.fields import Name, Positive, Table
 
 
 class DeviceTable(Table):
-    """What every device has."""
+    """What every device has.
+
+    Attributes:
+        buildable: by attribute, what a device has to be for `[[plan.site]]` to build it: free
+            between nothing and its limits, and in order; None: nobody builds such devices.
+    """
+
+    buildable: ClassVar[Mapping[str, object] | None] = None
 
     name: Name = Field(description="unique name of the device")
     bus: Name = Field(description="name of its bus")

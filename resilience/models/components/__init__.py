@@ -20,6 +20,7 @@ from resilience.models.components.grid import Grids
 from resilience.models.components.line import Lines
 from resilience.models.components.load import Loads
 from resilience.models.components.pv import PV
+from resilience.models.components.sited import Sited
 from resilience.models.components.strengthened import Strengthened
 from resilience.models.components.tank import Tanks
 from resilience.models.components.topology import Topology
@@ -39,6 +40,7 @@ __all__ = [
     "Lines",
     "Loads",
     "Role",
+    "Sited",
     "Strengthened",
     "Tanks",
     "Topology",

@@ -31,13 +31,15 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
 from resilience.case.schema import ESSTable
-from resilience.models.algebra import Affine
+from resilience.models.algebra import Affine, scatter
 from resilience.models.components.base import Injection, inverter
 from resilience.models.components.fleet import DeviceFleet, EnergyTerm, Role
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 from resilience.models.structures import Split
 
+FILLED = "site.filled"
+"""MWh that units come with in the slot before which they were built, see `sited`."""
 FORMING_SHARE = 1e-3
 """Of its capacity, what a storage has to hold above its lowest energy to form an island."""
 FORMING_TOLERANCE = 1e-6
@@ -188,7 +190,12 @@ class ESS(DeviceFleet):
         )
         gain = charge * self._array("efficiency_charge")
         drain = discharge * (1.0 / self._array("efficiency_discharge"))
-        stage.eq("ess.dynamics", after, now + (gain - drain) * stage.dt)
+        begins = now
+        if FILLED in stage:
+            filled: Affine = stage[FILLED]
+            units = np.array([self.names.index(n) for n in filled.labels or ()], np.intp)
+            begins = now + scatter(filled, units, len(self.names), self.names)
+        stage.eq("ess.dynamics", after, begins + (gain - drain) * stage.dt)
         if len(self.ending):
             self._final(stage, after)
         price = self._array("degradation_cost_per_mwh")

@@ -32,11 +32,13 @@ class StrengthOption:
         line: its name.
         factor: by which the speeds are multiplied that it stands; infinite: it goes underground.
         cost: $ to build it.
+        life_years: how long it lasts.
     """
 
     line: str
     factor: float
     cost: float
+    life_years: float = 40.0
 
     @property
     def label(self) -> str:

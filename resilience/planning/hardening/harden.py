@@ -1,35 +1,29 @@
-"""`harden`: which lines to strengthen before the storm, within a budget."""
+"""`harden`: what to build before the storm, within a budget or against a year of storms."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from resilience.arrays import Bools, Floats
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
-from resilience.fragility.chain import Storm, storm
+from resilience.fragility.chain import storm
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
-from resilience.planning.hardening.draws import (
-    StrengthDraws,
-    StrengthOption,
-    draw_options,
-    drawn_with,
-)
-from resilience.planning.hardening.evaluation import StormOutcomes, outcomes_of
-from resilience.planning.hardening.options import options_of
+from resilience.planning.hardening.draws import draw_options
+from resilience.planning.hardening.judging import Judge, chances, strongest, worth
+from resilience.planning.hardening.options import options_of, strengths
 from resilience.planning.hardening.program import hardening_program
 from resilience.planning.hardening.report import Hardening
 from resilience.planning.hardening.search import HardeningSearch
+from resilience.planning.hardening.yearly import Years
 from resilience.planning.tables import copperplate_notes
 from resilience.planning.two_stage.lshaped import DecompositionOptions
-from resilience.progress import meter, phase, stopwatch
+from resilience.progress import phase, stopwatch
 from resilience.tolerances import SLOT_TOLERANCE
 
 STORMS = 200
@@ -60,15 +54,17 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
     time_limit: float = math.inf,
     workers: int | None = None,
 ) -> Hardening:
-    """Which lines to strengthen before the storm, within a budget.
+    """Which lines to strengthen, and which units to build, before the storm.
 
-    The choice is proven by an L-shaped method over storms that are drawn once, every line as it is
+    Within a budget, or, where `[plan]` says how many storms come in a year, as far as it pays. The
+    choice is proven by an L-shaped method over storms that are drawn once, every line as it is
     and as it would be; then the choice, and those beside it, are judged on storms that it has not
     seen.
 
     Args:
         case: a case with a storm on its track, its file, or the name of an installed one.
-        budget: $ that may be spent; the case's `[plan] budget` if omitted.
+        budget: $ that may be spent; the case's `[plan] budget` if omitted, and without end if
+            `[plan] storms_per_year` holds what is built against what storms cost in a year.
         storms: how many are planned for.
         seed: of their draw.
         risk: the objective, `cvar:0.9:0.5` say; expected cost if omitted.
@@ -96,6 +92,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
     with stopwatch() as seconds:
         with phase("case"):
             case = case if isinstance(case, Case) else load_case(case)
+            years = Years.of_plan(case.plan)
             spend = _budget(case, budget)
             _check(storms, new_storms, physics, frontier)
             planned = in_steps(case, step_min)
@@ -103,17 +100,20 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
         fallible = storm_of_case.lines.names
         options = options_of(planned, fallible, factor=factor, cost=cost, lines=lines)
         parsed = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
+        annual_cost = None if years is None else years.annual_cost(options)
+        per_year = 1.0 if years is None else years.storms_per_year
         with phase("storms"):
-            draws = draw_options(storm_of_case, options, storms, seed, shift)
+            draws = draw_options(storm_of_case, strengths(options), storms, seed, shift)
         with phase("model"):
             program = hardening_program(
-                planned, options, draws, spend, risk=parsed, physics=physics
-            )
+                planned, options, draws, spend, risk=parsed, physics=physics,
+                price=None if annual_cost is None else annual_cost / per_year,
+            )  # fmt: skip
             threads = workers or os.cpu_count() or 1
             search = HardeningSearch(
                 program, DecompositionOptions(gap=gap, time_limit=time_limit, workers=threads)
             )
-        fails = _fails(options, draws)
+        fails = chances(options, draws)
         path = search.greedy(spend)
         choice = search.best(spend, path[1:])
         others = [search.best(further, path[1:]) for further in sorted({*map(float, frontier)})]
@@ -121,26 +121,20 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             "nothing": path[0],
             "plan": choice.chosen,
             "greedy": path[-1],
-            "naive": search.in_order(fails, spend),
-            "all": _strongest(options),
+            "naive": search.in_order(np.nan_to_num(fails), spend),
+            "all": strongest(options),
         }
-        alone, beside = _worth(search, choice.chosen)
+        alone, beside = worth(search, choice.chosen)
         other_seed = seed + SEEDS_APART if new_seed is None else new_seed
-        judge = _Judge(planned, storm_of_case, options, physics, shift)
-        with meter("judging", 2 * len(sets) + 1) as progress:
-            sample, unseen = {}, {}
-            for name, chosen in sets.items():
-                sample[name] = judge.outcomes(chosen, storms, seed)
-                progress.advance(1)
-                unseen[name] = judge.outcomes(chosen, new_storms, other_seed)
-                progress.advance(1)
-            uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
-            progress.advance(1)
-    plans = tuple(sorted([*others, choice], key=lambda plan: plan.budget))
+        judge = Judge(planned, storm_of_case, options, physics, shift)
+        sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
+        uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
+    plans = sorted([*others, choice], key=lambda plan: plan.budget)
     return Hardening(
-        planned, options, parsed, choice, gap, plans, sets, fails, alone, beside, sample,
-        uncrowded.value(parsed), unseen, storms, new_storms, seed, other_seed, seconds,
-        tuple(_notes(case, planned, physics)),
+        planned, options, parsed, choice.times(per_year), gap,
+        tuple(plan.times(per_year) for plan in plans), sets, fails, alone * per_year,
+        beside * per_year, sample, uncrowded.value(parsed), unseen, storms, new_storms, seed,
+        other_seed, seconds, tuple(_notes(case, planned, physics)), years, annual_cost,
     )  # fmt: skip
 
 
@@ -168,16 +162,18 @@ def in_steps(case: Case, step_min: float | None) -> Case:
 
 
 def _budget(case: Case, budget: float | None) -> float:
-    """$ that may be spent.
+    """$ that may be spent; infinite where only a year of storms is to be paid for.
 
     Raises:
         UsageError: nobody says how much, or it is out of range.
     """
     spend = case.plan.budget if budget is None and case.plan is not None else budget
+    if spend is None and Years.of_plan(case.plan) is not None:
+        return math.inf
     if spend is None or not 0.0 <= spend < math.inf:
         raise UsageError(
             f"a budget of {'nothing' if spend is None else f'{spend:g} $'}; allowed: 0 $ or more",
-            hint="give --budget, or state budget in [plan]",
+            hint="give --budget, or state budget or storms_per_year in [plan]",
         )
     return float(spend)
 
@@ -197,53 +193,6 @@ def _check(storms: int, new_storms: int, physics: Physics, further: Sequence[flo
         wrong.append(f"budgets {', '.join(f'{b:g}' for b in further)}; allowed: 0 $ or more")
     if wrong:
         raise UsageError("; ".join(wrong), hint="200 storms, and 300 new ones, are usual")
-
-
-def _fails(options: Sequence[StrengthOption], draws: StrengthDraws) -> Floats:
-    """(options,) probability that the line of each is down at all, as it is."""
-    ever = draws.scenarios.down.any(axis=1) @ draws.scenarios.probability
-    chance = dict(zip(draws.scenarios.lines, ever.tolist(), strict=True))
-    return np.array([chance[option.line] for option in options])
-
-
-def _strongest(options: Sequence[StrengthOption]) -> Bools:
-    """(options,) the strongest of every line."""
-    best = {option.line: option for option in sorted(options, key=lambda o: o.factor)}
-    return np.array([best[option.line] is option for option in options])
-
-
-def _worth(search: HardeningSearch, chosen: Bools) -> tuple[Floats, Floats]:
-    """(options,) $ that each saves alone, and beside what is chosen; NaN: it cannot be added."""
-    nothing = np.zeros(len(chosen), bool)
-    alone = search.value(nothing) - search.additions(nothing)
-    value, after = search.value(chosen), search.additions(chosen)
-    beside = np.where(np.isfinite(after), value - after, np.nan)
-    for k in np.flatnonzero(chosen):
-        without = chosen.copy()
-        without[k] = False
-        beside[k] = search.value(without) - value
-    return alone, beside
-
-
-@dataclass(frozen=True)
-class _Judge:
-    """Tells what storms cost with something built, each set once."""
-
-    case: Case
-    storm: Storm
-    options: tuple[StrengthOption, ...]
-    physics: Physics
-    shift: float
-    _known: dict[tuple[bytes, int, int, bool], StormOutcomes] = field(default_factory=dict)
-
-    def outcomes(self, chosen: Bools, n: int, seed: int, *, crews: bool = True) -> StormOutcomes:
-        """`n` storms of a draw, with options (options,) built."""
-        key = chosen.tobytes(), n, seed, crews
-        if key not in self._known:
-            built = [self.options[k] for k in np.flatnonzero(chosen)]
-            scenarios = drawn_with(self.storm, built, n, seed, self.shift, crews=crews)
-            self._known[key] = outcomes_of(self.case, scenarios, self.physics)
-        return self._known[key]
 
 
 def _notes(case: Case, planned: Case, physics: Physics) -> list[str]:

@@ -1,14 +1,15 @@
-"""What a case, or a user, offers to build: options of lines, in the order of the network."""
+"""What a case, or a user, offers to build: lines in the order of the network, then units."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from resilience.case import Case
-from resilience.case.schema import LineTable, StrengthTable
+from resilience.case.schema import LineTable, PlanTable, StrengthTable
 from resilience.errors import UsageError
 from resilience.planning.hardening.draws import StrengthOption
+from resilience.planning.hardening.sites import UnitOption, units_of
 
 
 def options_of(
@@ -18,11 +19,12 @@ def options_of(
     factor: float | None = None,
     cost: float = 1.0,
     lines: Sequence[str] | None = None,
-) -> tuple[StrengthOption, ...]:
-    """The options of every line that can be strengthened.
+) -> tuple[StrengthOption | UnitOption, ...]:
+    """The options of every line that can be strengthened, and the units of every site.
 
     Args:
-        case: its `[[line]] harden`, or else `[plan] harden`, says what there is.
+        case: its `[[line]] harden`, or else `[plan] harden`, says what there is of lines, and its
+            `[[plan.site]]` of units.
         fallible: lines that the storm may break.
         factor: in place of what the case says, one option for every line: so many times as strong.
         cost: of that option, $.
@@ -44,25 +46,31 @@ def options_of(
             hint="cables, and lines that the storm does not break, have nothing to gain",
         )
     stated = {line.name: line for line in case.line}
-    common = () if case.plan is None else case.plan.harden
+    plan = case.plan or PlanTable()
     options: list[StrengthOption] = []
     for name in fallible:
         table = stated.get(name, LineTable(name=name))
         if (lines is not None and name not in lines) or table.switchable:
             continue
         if factor is not None:
-            options.append(StrengthOption(name, factor, cost))
+            options.append(StrengthOption(name, factor, cost, plan.life_years))
         else:
-            options += [_option(name, strength) for strength in table.harden or common]
-    if not options:
+            options += [_option(name, way, plan) for way in table.harden or plan.harden]
+    units = units_of(case)
+    if not options and not units:
         raise UsageError(
             f"case {case.name!r} offers nothing to build",
             hint="state harden = [{ factor = 1.5, cost = 40000 }] in [plan] or in [[line]], or "
-            "give --factor and --cost for all lines",
+            "[[plan.site]], or give --factor and --cost for all lines",
         )
-    return tuple(options)
+    return (*options, *units)
 
 
-def _option(line: str, table: StrengthTable) -> StrengthOption:
+def _option(line: str, table: StrengthTable, plan: PlanTable) -> StrengthOption:
     factor = math.inf if table.factor is None else table.factor
-    return StrengthOption(line, factor, table.cost)
+    return StrengthOption(line, factor, table.cost, table.life_years or plan.life_years)
+
+
+def strengths(options: Iterable[StrengthOption | UnitOption]) -> list[StrengthOption]:
+    """Those of lines alone."""
+    return [option for option in options if isinstance(option, StrengthOption)]

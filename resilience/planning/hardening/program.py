@@ -16,16 +16,21 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.case import Case
 from resilience.models.algebra import Affine
 from resilience.models.case_program import line_up_before, terminal_cuts
-from resilience.models.components import Strengthened
+from resilience.models.components import Sited, Strengthened
+from resilience.models.components.sited import BUILT
 from resilience.models.language.decision import decision
+from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import StrengthDraws, StrengthOption
+from resilience.planning.hardening.sites import UnitOption, outputs, sited_of, with_units
 from resilience.planning.two_stage.two_stage import IN, TwoStage
 from resilience.simulation.world import microgrid_with_fallible_lines
 
 BUDGET = "plan.budget"
+STRENGTH = "line.strength"
+Option = StrengthOption | UnitOption
 
 
 @dataclass(frozen=True)
@@ -35,19 +40,22 @@ class HardeningProgram:
     Attributes:
         microgrid: the microgrid, its lines open to choice.
         two_stage: the choice, and the storms behind it, each kept once.
-        options: in the order of the program.
+        options: lines to strengthen, then units to build.
+        price: (options,) $ in the objective for each that is built.
         index: (scenarios,) which of the program's storms each is.
     """
 
     microgrid: Microgrid
     two_stage: TwoStage
-    options: tuple[StrengthOption, ...]
+    options: tuple[Option, ...]
+    price: Floats
     index: Ints
 
     @property
     def design_columns(self) -> Ints:
         """(options,) columns of the trunk."""
-        return self.two_stage.first.initial["line.strength"]
+        initial = self.two_stage.first.initial
+        return np.concatenate([initial[name] for name in (STRENGTH, BUILT) if name in initial])
 
     @property
     def cost(self) -> Floats:
@@ -56,13 +64,13 @@ class HardeningProgram:
 
     def data_with(self, budget: float) -> dict[str, Floats]:
         """Data of the trunk with another budget, $."""
-        return self.two_stage.first_data | {BUDGET: np.array([[budget]])}
+        return self.two_stage.first_data | _limit(self.options, budget)
 
     def trunk_with(self, chosen: Bools) -> Floats:
         """The trunk in which the chosen options (options,) are built."""
         first, z = self.two_stage.first, np.zeros(self.two_stage.first.n_columns)
         for name, columns in first.initial.items():
-            if name != "line.strength":
+            if name not in (STRENGTH, BUILT):
                 z[columns] = self.two_stage.x0[name]
                 z[first.columns(name)[:, 0]] = self.two_stage.x0[name]
         z[self.design_columns] = chosen
@@ -71,10 +79,11 @@ class HardeningProgram:
 
 def hardening_program(
     case: Case,
-    options: Sequence[StrengthOption],
+    options: Sequence[Option],
     draws: StrengthDraws,
     budget: float,
     *,
+    price: Floats | None = None,
     risk: Risk | None = None,
     physics: Physics = "copperplate",
 ) -> HardeningProgram:
@@ -82,58 +91,101 @@ def hardening_program(
 
     Args:
         case: the case.
-        options: in the order of the network's lines, see `options_of`.
-        draws: the storms, options as here.
+        options: lines in the order of the network, then units, see `options_of`.
+        draws: the storms, options of lines as here.
         budget: $ that may be spent.
+        price: (options,) $ in the objective for each that is built; nothing if omitted.
         risk: the objective over storms, expected cost if omitted.
         physics: of every storm.
     """
+    lines = [option for option in options if isinstance(option, StrengthOption)]
+    units = [option for option in options if isinstance(option, UnitOption)]
+    price = np.zeros(len(options)) if price is None else price
+    case = with_units(case, units, undecided=True)
     microgrid = microgrid_with_fallible_lines(case, draws.scenarios, physics)
-    lines = tuple(dict.fromkeys(option.line for option in options))
-    strengthened = Strengthened(
-        lines,
-        tuple(option.label for option in options),
-        np.array([lines.index(option.line) for option in options], np.intp),
-        np.zeros(len(options)),
-    )
+    strengthened = _strengthened(lines, price[: len(lines)])
     bare = draws.scenarios.status(microgrid.case.elements)
     statuses = _Statuses.drawn(microgrid, strengthened, bare, ~draws.strong)
     distinct, weight, index = statuses.distinct(draws.scenarios.probability)
     tree, slot = _tree(case, weight)
     nodes = distinct.nodes()
     strengthened = replace(strengthened, bare=nodes.bare_of_lines, strong=nodes.strong)
-    microgrid = replace(microgrid, strengthened=strengthened)
+    sited = sited_of(units, price[len(lines) :])
+    microgrid = replace(microgrid, strengthened=strengthened if lines else None, sited=sited)
     situation = microgrid.situation(
         nodes.up,
         lambda name: case.profile(name)[slot],
         before=line_up_before(nodes.up, tree),
         is_last=slot == case.slots - 1,
     )
-    peaks = microgrid.limit_profiles(case.profile, case.slots)
-    kinds, kind = np.unique(peaks, axis=1, return_inverse=True)
-    stages = [
-        microgrid.stage(case.step_h, energy_known=True, may_spill=True, peak=kinds[:, k])
-        for k in range(kinds.shape[1])
-    ]
-    tree = replace(tree, stage=np.append(0, 1 + kind.ravel()[slot[1:]]))
-    first = decision(stages[0])
-    strengthened.choose(first)
-    limit = first.data(BUDGET, ("all",), unit="$", about="what may be spent")
-    spent: Affine = first["line.strength"] * np.array([option.cost for option in options])
-    first.le(BUDGET, spent.sum(), limit)
-    data = microgrid.data(situation) | {BUDGET: np.array([[budget]])}
+    stages, kind = _stages(microgrid, units)
+    tree = replace(tree, stage=np.append(0, 1 + kind[slot[1:]]))
+    first = _choice(microgrid, stages[0], options)
+    data = microgrid.data(situation) | _limit(options, budget)
     if "generator.bound" in data:
         data["generator.bound"] = np.zeros_like(data["generator.bound"])
     two_stage = TwoStage(
         [first, *stages], tree, 1, data, microgrid.start(), terminal_cuts(microgrid), risk or Risk()
     )
-    built = two_stage.first.initial["line.strength"]
+    initial = two_stage.first.initial
     matters = np.zeros((len(weight), two_stage.first.n_states), bool)
-    matters[:, built] = distinct.matters
+    if lines:
+        matters[:, initial[STRENGTH]] = distinct.matters
+    if units:
+        matters[:, initial[BUILT]] = True
     # With voltages a line that is up ties its ends to each other, which may cost something.
     falls = distinct.falls if physics == "copperplate" else None
     two_stage = replace(two_stage, matters=matters, falls=falls)
-    return HardeningProgram(microgrid, two_stage, tuple(options), index)
+    return HardeningProgram(microgrid, two_stage, tuple(options), price, index)
+
+
+def _limit(options: Sequence[Option], budget: float) -> dict[str, Floats]:
+    """The datum of a budget, $: as much as everything costs where there is none."""
+    return {BUDGET: np.array([[min(budget, sum(option.cost for option in options))]])}
+
+
+def _strengthened(options: Sequence[StrengthOption], price: Floats) -> Strengthened:
+    """The lines of options, (options,) $ for each, statuses to come."""
+    lines = tuple(dict.fromkeys(option.line for option in options))
+    return Strengthened(
+        lines,
+        tuple(option.label for option in options),
+        np.array([lines.index(option.line) for option in options], np.intp),
+        price,
+    )
+
+
+def _stages(microgrid: Microgrid, units: Sequence[UnitOption]) -> tuple[list[Stage], Ints]:
+    """A stage for every slot unlike all others, and (slots,) the stage of each."""
+    case, sited = microgrid.case, microgrid.sited
+    peaks = microgrid.limit_profiles(case.profile, case.slots)
+    begins = np.zeros((1, case.slots))
+    begins[0, 0] = sited is not None
+    rows = np.concatenate([peaks, outputs(case, units), begins])
+    kinds, kind = np.unique(rows, axis=1, return_inverse=True)
+    stages = []
+    for column in kinds.T:
+        peak, output = column[: len(peaks)], column[len(peaks) : -1]
+        if sited is not None:
+            of_slot = replace(sited, output=output, begins=bool(column[-1]))
+            microgrid = replace(microgrid, sited=of_slot)
+        stages.append(microgrid.stage(case.step_h, energy_known=True, may_spill=True, peak=peak))
+    return stages, kind.ravel()
+
+
+def _choice(microgrid: Microgrid, stage: Stage, options: Sequence[Option]) -> Stage:
+    """The step before all storms, in which it is chosen what to build within the budget."""
+    first, spent = decision(stage), []
+    for name, component in ((STRENGTH, microgrid.strengthened), (BUILT, microgrid.sited)):
+        if component is not None:
+            component.choose(first)
+            of_these = isinstance(component, Sited)
+            costs = [o.cost for o in options if isinstance(o, UnitOption) == of_these]
+            spent.append((first[name] * np.array(costs)).sum())
+    limit = first.data(BUDGET, ("all",), unit="$", about="what may be spent")
+    total: Affine = spent[0] if len(spent) == 1 else spent[0] + spent[1]
+    first.le(BUDGET, total, limit)
+    return first
 
 
 @dataclass(frozen=True)
@@ -196,7 +248,8 @@ class _Statuses:
         """The same, (.., nodes): the choice, in which all is up, then storm by storm."""
 
         def chained(status: Bools) -> Bools:
-            chain = status.transpose(0, 2, 1).reshape(len(status), -1)
+            lines, slots, storms = status.shape
+            chain = status.transpose(0, 2, 1).reshape(lines, slots * storms)
             return np.concatenate([np.ones((len(status), 1), bool), chain], axis=1)
 
         arrays = (self.up, self.bare_of_lines, self.strong, self.bare_of_options)

@@ -13,11 +13,15 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.case import Case
+from resilience.errors import UsageError
 from resilience.files import replacing_file
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import StrengthOption
 from resilience.planning.hardening.evaluation import StormOutcomes
+from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.search import Choice
+from resilience.planning.hardening.sites import UnitOption
+from resilience.planning.hardening.yearly import Years
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,8 +43,10 @@ class Hardening:
         wanted_gap: relative gap that was asked for.
         frontier: plans for other budgets, by rising budget.
         sets: what is built, by name: `nothing`; the `plan`; `greedy`, what saves most per $ one by
-            one; `naive`, the lines most likely to fail; `all`, every line at its strongest.
-        fails: probability that the line of an option is down in a storm at all, as it is.
+            one; `naive`, the lines most likely to fail; `all`, every line at its strongest and
+            every unit.
+        fails: probability that the line of an option is down in a storm at all, as it is; NaN of
+            units.
         alone: $ of the risk that each option saves alone, on the storms of the plan.
         beside: $ that each saves beside the plan: of the chosen ones what it would cost to leave
             them out, of others what they would save besides.
@@ -51,10 +57,13 @@ class Hardening:
         seed, new_seed: of their draws.
         seconds: by phase.
         notes: what a reader should know.
+        years: how often storms come, and what money costs; with it the objective, its bound, and
+            what options save are in $ a year, what is built paid for; None: in $ a storm.
+        annual_cost: (options,) $ a year for each; None without `years`.
     """
 
     case: Case = field(repr=False)
-    options: tuple[StrengthOption, ...] = field(repr=False)
+    options: tuple[Option, ...] = field(repr=False)
     risk: Risk
     choice: Choice = field(repr=False)
     wanted_gap: float
@@ -72,6 +81,8 @@ class Hardening:
     new_seed: int
     seconds: dict[str, float] = field(repr=False)
     notes: tuple[str, ...] = field(repr=False)
+    years: Years | None = None
+    annual_cost: Floats | None = field(default=None, repr=False)
 
     @property
     def budget(self) -> float:
@@ -79,7 +90,7 @@ class Hardening:
         return self.choice.budget
 
     @property
-    def chosen(self) -> tuple[StrengthOption, ...]:
+    def chosen(self) -> tuple[Option, ...]:
         """What is built."""
         return tuple(self.options[k] for k in np.flatnonzero(self.choice.chosen))
 
@@ -94,27 +105,35 @@ class Hardening:
         return "optimal" if self.choice.gap <= self.wanted_gap else "feasible"
 
     @cached_property
-    def next_best(self) -> StrengthOption | None:
+    def next_best(self) -> Option | None:
         """The option that saves most per $ beside the plan; None where none saves anything."""
-        lines = {option.line for option in self.chosen}
-        worth = np.array(
-            [
-                -math.inf if option.line in lines else saved / max(option.cost, 1e-300)
-                for option, saved in zip(self.options, self.beside, strict=True)
-            ]
-        )
+        lines = {option.line for option in self.chosen if isinstance(option, StrengthOption)}
+        open_ = ~self.choice.chosen & np.isfinite(self.beside)
+        for k, option in enumerate(self.options):
+            open_[k] &= not (isinstance(option, StrengthOption) and option.line in lines)
+        price = np.array([max(option.cost, 1e-300) for option in self.options])
+        worth = np.where(open_, np.nan_to_num(self.beside, posinf=0.0) / price, -math.inf)
         best = int(np.argmax(worth))
-        return self.options[best] if worth[best] > 0.0 and np.isfinite(worth[best]) else None
+        return self.options[best] if worth[best] > 0.0 else None
 
     def frame(self) -> pd.DataFrame:
-        """A row per option: cost, failures, what it saves alone and beside the plan, chosen."""
+        """A row per option: cost, failures, what it saves alone and beside the plan, chosen.
+
+        Lines have a factor, units of sites a kind and a bus; what is not so is None or NaN.
+        """
         import pandas as pd
 
+        lines = [o if isinstance(o, StrengthOption) else None for o in self.options]
+        units = [o if isinstance(o, UnitOption) else None for o in self.options]
         return pd.DataFrame(
             {
-                "line": [option.line for option in self.options],
-                "factor": [option.factor for option in self.options],
+                "line": [option and option.line for option in lines],
+                "factor": [np.nan if option is None else option.factor for option in lines],
+                "site": [option and option.site for option in units],
+                "kind": [option and option.kind for option in units],
+                "bus": [option and option.unit.bus for option in units],
                 "cost": [option.cost for option in self.options],
+                "life_years": [option.life_years for option in self.options],
                 "fails": self.fails,
                 "saves_alone": self.alone,
                 "saves_beside": self.beside,
@@ -141,6 +160,28 @@ class Hardening:
             alpha = self.risk.alpha
             rows[name] = row | {"cvar": storms.cvar(alpha), "saved": saved, "saved_error": error}
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
+
+    def yearly(self, *, new: bool = True) -> pd.DataFrame:
+        """A row per set, in $ a year: what is built, storms, and what is saved net, with its error.
+
+        Args:
+            new: on the storms that the plan has not seen; else on its own.
+
+        Raises:
+            UsageError: nobody says how many storms come in a year.
+        """
+        if self.years is None or self.annual_cost is None:
+            raise UsageError(
+                f"case {self.case.name!r} does not say how many storms come in a year",
+                hint="state storms_per_year in [plan]",
+            )
+        storms = self.comparison(new=new)[["cost", "saved", "saved_error"]]
+        table = storms * self.years.storms_per_year
+        table.insert(
+            0, "built", [float(self.annual_cost @ self.sets[name]) for name in table.index]
+        )
+        table["saved"] -= table["built"]
+        return table.rename(columns={"cost": "storms"})
 
     def frontier_frame(self) -> pd.DataFrame:
         """A row per budget: what is spent, the risk in $, its bound, and what is built."""
@@ -185,6 +226,11 @@ class Hardening:
                 "in_sample": self.comparison(new=False).reset_index().to_dict("records"),
                 "out_of_sample": self.comparison().reset_index().to_dict("records"),
                 "frontier": self.frontier_frame().reset_index().to_dict("records"),
+                "storms_per_year": None if self.years is None else self.years.storms_per_year,
+                "interest_rate": None if self.years is None else self.years.interest_rate,
+                "yearly": (
+                    None if self.years is None else self.yearly().reset_index().to_dict("records")
+                ),
                 "seconds": self.seconds,
                 "notes": list(self.notes),
             }
@@ -201,6 +247,8 @@ class Hardening:
             "storms": self.comparison(),
             "frontier": self.frontier_frame(),
         }
+        if self.years is not None:
+            tables["yearly"] = self.yearly()
         for name, table in tables.items():
             with replacing_file(path / f"{name}.csv") as fresh:
                 table.to_csv(fresh)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +10,9 @@ import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.models.program.gate import gap
+from resilience.planning.hardening.draws import StrengthOption
 from resilience.planning.hardening.program import HardeningProgram
+from resilience.planning.hardening.sites import UnitOption
 from resilience.planning.two_stage.lshaped import (
     DecompositionOptions,
     Machinery,
@@ -26,9 +29,9 @@ class Choice:
     """What is built for a budget.
 
     Attributes:
-        budget: $ that might be spent.
+        budget: $ that might be spent, infinite where nothing but their price holds choices.
         chosen: (options,) which are built.
-        value: $ of the risk over the storms of the program.
+        value: $ of the risk over the storms of the program, and of the price of what is built.
         bound: $ that no choice within the budget stays below in that program.
         gap: relative, of value and bound.
         rounds: how often the storms were solved.
@@ -40,6 +43,10 @@ class Choice:
     bound: float
     gap: float
     rounds: int
+
+    def times(self, storms: float) -> Choice:
+        """The same with the $ of so many storms."""
+        return replace(self, value=self.value * storms, bound=self.bound * storms)
 
 
 @dataclass
@@ -65,10 +72,11 @@ class HardeningSearch:
         return self._machinery.recourse.solve(trial.states).cost
 
     def value(self, chosen: Bools) -> float:
-        """$ of the risk with options (options,) built."""
+        """$ of the risk with options (options,) built, and of their price."""
         two_stage = self.program.two_stage
         probability = np.array([branch.probability for branch in two_stage.branches])
-        return two_stage.risk.value(self.costs(chosen), probability)
+        risk = two_stage.risk.value(self.costs(chosen), probability)
+        return risk + float(self.program.price @ chosen)
 
     def best(self, budget: float, tries: Iterable[Bools] = ()) -> Choice:
         """The best choice within a budget, with its proof; `tries` are looked at first.
@@ -97,7 +105,7 @@ class HardeningSearch:
             without[k] = False
             if self.value(without) <= value + SPARE * abs(value):
                 useful = without
-        return useful
+        return self._in_turn(useful)
 
     def greedy(self, budget: float) -> list[Bools]:
         """Choices, each with one option more than the one before: what saves most per $."""
@@ -139,7 +147,19 @@ class HardeningSearch:
         return chosen
 
     def _fits(self, chosen: Bools, budget: float) -> bool:
-        """Whether one option a line at most is chosen, and the budget is kept."""
-        lines = [self.program.options[k].line for k in np.flatnonzero(chosen)]
+        """Whether one option a line at most is chosen, units in turn, and the budget is kept."""
+        options = [self.program.options[k] for k in np.flatnonzero(chosen)]
+        lines = [option.line for option in options if isinstance(option, StrengthOption)]
+        in_turn = bool((self._in_turn(chosen) == chosen).all())
         spent = float(self.program.cost @ chosen)
-        return len(set(lines)) == len(lines) and spent <= budget * (1.0 + SPARE)
+        return len(set(lines)) == len(lines) and in_turn and spent <= budget * (1.0 + SPARE)
+
+    def _in_turn(self, chosen: Bools) -> Bools:
+        """The same choice (options,) with the first units of every site in place of as many."""
+        ordered, built = chosen.copy(), Counter[str]()
+        units = [(k, o) for k, o in enumerate(self.program.options) if isinstance(o, UnitOption)]
+        for k, option in units:
+            built[option.site] += int(chosen[k])
+        for k, option in units:
+            ordered[k] = option.number <= built[option.site]
+        return ordered

@@ -12,7 +12,8 @@ from resilience.case.document import Document
 from resilience.case.load import build_case
 from resilience.case.write import case_text
 from resilience.errors import CaseError, UsageError
-from resilience.planning.hardening.options import options_of
+from resilience.planning.hardening.options import options_of, strengths
+from resilience.planning.hardening.sites import units_of, with_units
 from tests.fuzz.full_case import stormy_case
 
 FALLIBLE = ("1-2", "2-3", "3-4")
@@ -35,7 +36,7 @@ def test_lines_say_their_options_or_take_those_of_the_plan() -> None:
     assert case.plan is not None
     assert case.plan.budget == 1000.0
     named = next(table.name for table in case.line if table.harden)
-    options = options_of(case, [named, "3-4"])
+    options = strengths(options_of(case, [named, "3-4"]))
     assert [(o.line, o.label, o.cost) for o in options] == [
         (named, f"{named} x1.4", 30.0),
         (named, f"{named} underground", 200.0),
@@ -94,3 +95,57 @@ def test_options_are_read_beside_another_mistake() -> None:
         case_with({}, harden=[{"cost": 1.0}], rating_mva=-1.0)
     assert "rating_mva" in str(caught.value)
     assert "neither of them" in str(caught.value)
+
+
+SITE = {"name": "depot", "kind": "ess", "units": 2, "cost": 5.0,
+        "unit": {"bus": "2", "p_max_mw": 0.1, "e_mwh": 0.2}}  # fmt: skip
+
+
+def test_sites_offer_units_after_lines(tmp_path: Any) -> None:
+    roof = {"name": "barn", "kind": "pv", "cost": 3.0, "life_years": 20.0,
+            "unit": {"bus": "3", "p_max_mw": 0.1, "profile": "sun"}}  # fmt: skip
+    case = case_with({"life_years": 15.0, "site": [SITE, roof]})
+    units = units_of(case)
+    assert [o.label for o in options_of(case, FALLIBLE, factor=2.0, lines=["3-4"])] == [
+        "3-4 x2", "depot 1", "depot 2", "barn",
+    ]  # fmt: skip
+    assert [(o.place, o.cost, o.life_years) for o in units] == [
+        ("ess at 2", 5.0, 15.0), ("ess at 2", 5.0, 15.0), ("pv at 3", 3.0, 20.0),
+    ]  # fmt: skip
+    built = with_units(case, units)
+    assert [unit.name for unit in built.ess[-2:]] == ["depot 1", "depot 2"]
+    # The storm's cloud is over a plant that is built as over those that stand.
+    assert {plant.profile for plant in case.pv if plant.profile} >= {built.pv[-1].profile}
+    path = tmp_path / "written.toml"
+    path.write_text(case_text(case), "utf-8")
+    assert rs.load_case(path).equals(case)
+
+
+WRONG_SITES: dict[str, tuple[dict[str, Any], str]] = {
+    "nowhere": ({"bus": "nowhere"}, "a bus of the network"),
+    "no bus": ({"bus": None}, "bus"),
+    "named twice": ({"name": "x"}, "the site has the name"),
+    "kilowatts": ({"e_mwh": 2000.0}, "kWh or kW"),
+    "fails": ({"mttf_h": 100.0}, "can_fail"),
+    "final": ({"soc_final_min": 0.1}, "soc_final_min"),
+    "unknown": ({"size": 0.1}, "size"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_SITES)
+def test_what_is_wrong_with_a_site_is_said(name: str) -> None:
+    changes, words = WRONG_SITES[name]
+    unit = {k: v for k, v in (SITE["unit"] | changes).items() if v is not None}  # type: ignore[operator]
+    with pytest.raises(CaseError, match="depot") as caught:
+        case_with({"site": [SITE | {"unit": unit}]})
+    assert words in str(caught.value)
+
+
+def test_a_site_has_a_name_of_its_own_and_a_kind_that_can_be_built() -> None:
+    with pytest.raises(CaseError, match="a name used once"):
+        case_with({"site": [SITE, SITE]})
+    with pytest.raises(CaseError, match="kind"):
+        case_with({"site": [SITE | {"kind": "load"}]})
+    unit = {"bus": "2", "p_max_mw": 0.4, "p_min_mw": 0.1}
+    with pytest.raises(CaseError, match="needs_commitment"):
+        case_with({"site": [SITE | {"kind": "generator", "unit": unit}]})

@@ -21,6 +21,7 @@ from resilience.planning.hardening.draws import (
 )
 from resilience.planning.hardening.evaluation import outcomes_of
 from resilience.planning.hardening.harden import in_steps
+from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.report import Hardening
 from resilience.plots.hardening import plot_hardening
 from resilience.text.console import plain_console
@@ -76,7 +77,9 @@ def test_a_shifted_draw_keeps_its_weights(over: Storm) -> None:
 
 def test_what_is_said_is_what_the_storms_cost(over: Storm, hardening: Hardening) -> None:
     """The plan's figures are those of the storms drawn anew with its lines, by the case's crews."""
-    expected = outcomes_of(over.case, drawn_with(over, hardening.chosen, 8, 0), "copperplate")
+    expected = outcomes_of(
+        over.case, drawn_with(over, strengths(hardening.chosen), 8, 0), "copperplate"
+    )
     np.testing.assert_allclose(hardening.in_sample["plan"].cost, expected.cost)
     table = hardening.comparison()
     nothing, plan = (hardening.out_of_sample[name] for name in ("nothing", "plan"))
