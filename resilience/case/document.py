@@ -259,8 +259,10 @@ def _add_decode_error(document: Document, text: str, message: str) -> None:
 
 
 def _absolute_paths(data: TomlTable, folder: Path) -> None:
-    for table in ("network", "profiles"):
-        section = data.get(table)
+    plan = data.get("plan")
+    catalogue = plan.get("storm") if isinstance(plan, dict) else None
+    storms = catalogue if isinstance(catalogue, list) else []
+    for section in (data.get("network"), data.get("profiles"), *storms):
         if isinstance(section, dict) and isinstance(section.get("file"), str):
             section["file"] = os.path.abspath(folder / section["file"])
 

@@ -30,9 +30,7 @@ def check_overlap(case: Case, track: Track, place: Geography, times: Times) -> N
     if track.time[-1] >= times[0] and track.time[0] <= times[-1]:
         return
     table = case.storm or StormTable()
-    lat, lon = place.middle
-    nearest = int(seen_from((track.lat, track.lon), ([lat], [lon]))[0][0].argmin())
-    local = _python(track.time[nearest]) + timedelta(hours=table.utc_offset_h)
+    local = _python(nearest_time(track, place)) + timedelta(hours=table.utc_offset_h)
     first, last = (_python(time) for time in (track.time[0], track.time[-1]))
     begin, end = (table.utc(time) for time in (case.window.start, case.window.stop))
     raise UsageError(
@@ -42,6 +40,13 @@ def check_overlap(case: Case, track: Track, place: Geography, times: Times) -> N
         hint=f"the storm is nearest on {local:%Y-%m-%d}: in [storm] write day = {local:%Y-%m-%d} "
         f"and laid_on = a day of the horizon, {case.start:%Y-%m-%d} for one",
     )
+
+
+def nearest_time(track: Track, place: Geography) -> np.datetime64:
+    """UTC of the point of a track that is nearest to the middle of a feeder."""
+    lat, lon = place.middle
+    nearest = seen_from((track.lat, track.lon), ([lat], [lon]))[0][0].argmin()
+    return np.datetime64(track.time[nearest])
 
 
 def check_ends(case: Case, track: Track, times: Times, speed_mps: Floats) -> None:

@@ -30,6 +30,9 @@ def print_hardening(hardening: Hardening, console: Console) -> None:
     console.print(grid("what to build", _chosen(h), *heads))
     title = "a storm that the plan has not seen"
     console.print(grid(title, _judged(h), "", *_shown(h)), highlight=False)
+    if len(h.season.names) > 1:
+        columns = ("", "a year", "nothing $", "plan $")
+        console.print(grid("a storm of each, on average", _by_storm(h), *columns))
     if len(h.frontier) > 1:
         heads = ("budget $", "spent $", f"objective {unit}", f"proven {unit}", "built")
         console.print(grid("other budgets", _frontier(h), *heads))
@@ -115,6 +118,13 @@ def _of_a_year(h: Hardening) -> list[tuple[str, ...]]:
 def _with_error(value: float, error: float, digits: int) -> str:
     shown = f"{value:.{digits}f}"
     return shown if math.isnan(error) or not error else f"{shown} ± {error:.{digits}f}"
+
+
+def _by_storm(h: Hardening) -> list[tuple[str, ...]]:
+    return [
+        (str(name), f"{row['per_year']:g}", f"{row['nothing']:.0f}", f"{row['plan']:.0f}")
+        for name, row in h.by_storm().iterrows()
+    ]
 
 
 def _frontier(h: Hardening) -> list[tuple[str, ...]]:

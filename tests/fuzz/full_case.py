@@ -164,9 +164,10 @@ def stormy_case() -> dict[str, Any]:
     strengths[0]["life_years"] = 30.0
     unit = {"bus": "2", "p_max_mw": 0.1, "e_mwh": 0.2}
     site = {"name": "depot", "kind": "ess", "units": 2, "cost": 5.0, "life_years": 15.0}
-    data["plan"] = {"budget": 1000.0, "harden": strengths, "storms_per_year": 0.5,
-                    "interest_rate": 0.04, "life_years": 40.0,
-                    "site": [site | {"unit": unit}]}  # fmt: skip
+    later = {"file": "tracks.csv", "storm": "LATER", "averaging_s": 60.0, "agency": "cma"}
+    data["plan"] = {"budget": 1000.0, "harden": strengths, "interest_rate": 0.04,
+                    "life_years": 40.0, "site": [site | {"unit": unit}],
+                    "storm": [{"per_year": 0.1}, later | {"per_year": 0.2}]}  # fmt: skip
     data["defaults"] |= {
         "ess": {"efficiency_charge": 0.93}, "grid": {"v_pu": 1.0},
         "pv": {"curtailable": True}, "generator": {"initial_hours": 12.0},
@@ -193,6 +194,7 @@ def dark_case() -> dict[str, Any]:
     """With a blackout, outages of a bell, units that fail, fuel curves, taps and shunts."""
     data = placed_case(BLACKOUT)
     data |= {"outage": OUTAGE, "geography": GEOGRAPHY, "tank": [TANK]}
+    data["plan"] = {"storms_per_year": 0.5}
     data["network"] |= {"impedance_scale": 1.1, "v_max_pu": 1.08, "parallel_grids": True,
                         "radial": False, "not_modelled": ["2 ways of lines"]}  # fmt: skip
     data["network"]["bus"][2] |= {"shunt_p_mw": 0.01, "shunt_q_mvar": -0.02}

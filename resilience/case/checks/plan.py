@@ -9,7 +9,7 @@ from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules
 from resilience.case.document import Finding
 from resilience.case.reading import read_table, show
-from resilience.case.schema import DEVICES, SiteTable, StrengthTable
+from resilience.case.schema import DEVICES, PlanTable, SiteTable, StrengthTable
 from resilience.errors import did_you_mean
 
 SITES = ("plan", "site")
@@ -28,9 +28,22 @@ def check_plan(parts: Parts) -> None:
             findings.append(("harden", "options of a switchable line", "another line", hint))
         document.add_findings(("line", str(line.name)), title, findings)
     if parts.plan is not None:
-        findings = [*_wrong_options(parts.plan.harden or ())]
+        findings = [*_wrong_options(parts.plan.harden or ()), *_wrong_catalogue(parts.plan)]
         document.add_findings(("plan",), "[plan]", findings)
         _check_sites(parts, parts.plan.site or ())
+
+
+def _wrong_catalogue(plan: PlanTable) -> Iterator[Finding]:
+    if plan.storm and plan.storms_per_year is not None:
+        hint = "drop it: the storms say per_year each"
+        yield "storms_per_year", f"{plan.storms_per_year:g}", "nothing beside [[plan.storm]]", hint
+    for number, entry in enumerate(plan.storm or (), start=1):
+        stated = [
+            key for key in ("storm", "averaging_s", "agency") if getattr(entry, key) is not None
+        ]
+        if entry.file is None and stated:
+            key, hint = f"storm[{number}].{stated[0]}", "add file, or leave it out"
+            yield key, show(getattr(entry, stated[0])), "nothing without a track file", hint
 
 
 def _check_sites(parts: Parts, sites: Sequence[SiteTable]) -> None:

@@ -28,6 +28,7 @@ from resilience.case.schema.storm import (
 from resilience.case.schema.tables import (
     BranchTable,
     BusTable,
+    CatalogueTable,
     DeliveryTable,
     HeadTable,
     LineTable,
@@ -48,6 +49,7 @@ __all__ = [
     "BlackoutTable",
     "BranchTable",
     "BusTable",
+    "CatalogueTable",
     "CloudTable",
     "CurveTable",
     "DeliveryTable",

@@ -34,6 +34,7 @@ MAX_SIGMA_SLOTS = 960
 """Ten days: beyond, a bell is as wide as the horizon, and a number is a slip."""
 MAX_UNITS = 20
 """Alike, at one site."""
+Often = Annotated[float, Field(gt=0, le=50)]
 Life = Annotated[float, Field(gt=0, le=200)]
 Slots = Annotated[int, Field(gt=0, le=366 * 96)]
 
@@ -148,14 +149,30 @@ class SiteTable(Table):
     )
 
 
+class CatalogueTable(Table):
+    """`[[plan.storm]]`: a storm that what is built is planned for, and how often it comes."""
+
+    file: str | None = Field(
+        None,
+        description="track file, as for `--track`, laid on the horizon by whole days; absent: the "
+        "storm of the case",
+    )
+    storm: str | None = Field(None, description="name or identifier, of several in the file")
+    averaging_s: Positive | None = Field(
+        None, description="time over which the file's wind is averaged, s, where it does not say"
+    )
+    agency: str | None = Field(None, description="whose winds, of several in the file")
+    per_year: Often = Field(description="how many like it come in a year")
+
+
 class PlanTable(Table):
     """`[plan]`: what may be built before the storm."""
 
     budget: Money | None = Field(None, description="most that may be spent, $")
-    storms_per_year: Annotated[float, Field(gt=0, le=MAX_UNITS)] | None = Field(
+    storms_per_year: Often | None = Field(
         None,
         description="how many storms like that of the case come in a year: what is built is then "
-        "weighed against a year of storms",
+        "weighed against a year of storms; not beside [[plan.storm]], which say it each",
     )
     interest_rate: Share = Field(0.05, description="of the money that is spent, a year")
     life_years: Life = Field(40.0, description="how long what is built lasts")
@@ -167,6 +184,9 @@ class PlanTable(Table):
     )
     site: tuple[SiteTable, ...] = Field(
         (), strict=False, description="places where something may be built"
+    )
+    storm: tuple[CatalogueTable, ...] = Field(
+        (), strict=False, description="storms of many years, in place of that of the case"
     )
 
 

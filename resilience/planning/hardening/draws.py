@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from resilience.arrays import Bools
-from resilience.fragility.chain import Storm
 from resilience.fragility.lines.strength import lines_of
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.storms import Sampling, sample_storms
 from resilience.fragility.outages.units import with_units
+from resilience.planning.hardening.season import SEEDS_OF_STORMS, Season
 
 UNBREAKABLE = 1e6
 """Times as strong: no storm on earth breaks it."""
@@ -61,7 +61,7 @@ class StrengthDraws:
 
 
 def drawn_with(
-    storm: Storm,
+    season: Season,
     chosen: Sequence[StrengthOption],
     n: int,
     seed: int,
@@ -72,9 +72,9 @@ def drawn_with(
     """`n` storms met by lines of which some are strengthened; the same ones for any choice.
 
     Args:
-        storm: as it comes.
+        season: the storms, as they come.
         chosen: options, one a line.
-        n: how many.
+        n: how many, of all storms together.
         seed: of the draw.
         shift: of the common strength; see `storms.Sampling`.
         crews: those of the case; otherwise as many as needed.
@@ -83,25 +83,29 @@ def drawn_with(
         UsageError: as `sample_storms`.
     """
     factors = {option.line: min(option.factor, UNBREAKABLE) for option in chosen}
-    lines, repair = storm.lines, storm.repair
-    stronger = lines_of(storm.case, lines.names, lines.span_line, lines.bearing_deg, factors)
-    scenarios = sample_storms(
-        stronger if factors else lines, list(storm.winds), n, seed,
-        repair=repair if crews else replace(repair, crews=None),
-        timing=storm.timing, sampling=Sampling(shift=shift),
-    )  # fmt: skip
-    return with_units(storm.case, scenarios, seed)
+    draws = []
+    for k, (storm, count) in enumerate(zip(season.storms, season.split(n).tolist(), strict=True)):
+        lines, repair = storm.lines, storm.repair
+        if factors:
+            lines = lines_of(storm.case, lines.names, lines.span_line, lines.bearing_deg, factors)
+        scenarios = sample_storms(
+            lines, list(storm.winds), count, seed + SEEDS_OF_STORMS * k,
+            repair=repair if crews else replace(repair, crews=None),
+            timing=storm.timing, sampling=Sampling(shift=shift),
+        )  # fmt: skip
+        draws.append(scenarios)
+    return with_units(season.storms[0].case, season.joined(draws), seed)
 
 
 def draw_options(
-    storm: Storm, options: Sequence[StrengthOption], n: int, seed: int, shift: float = 0.0
+    season: Season, options: Sequence[StrengthOption], n: int, seed: int, shift: float = 0.0
 ) -> StrengthDraws:
     """`n` storms with as many crews as needed, and the status of every option's line in them.
 
     Raises:
         UsageError: as `sample_storms`.
     """
-    bare = drawn_with(storm, (), n, seed, shift, crews=False)
+    bare = drawn_with(season, (), n, seed, shift, crews=False)
     strong = np.zeros((len(options), bare.slots, n), bool)
     by_line: dict[str, list[int]] = {}
     for k, option in enumerate(options):
@@ -109,7 +113,7 @@ def draw_options(
     # Lines do not touch each other: the first options of all lines are drawn at once, and so on.
     for number in range(max(map(len, by_line.values()), default=0)):
         layer = [members[number] for members in by_line.values() if len(members) > number]
-        scenarios = drawn_with(storm, [options[k] for k in layer], n, seed, shift, crews=False)
+        scenarios = drawn_with(season, [options[k] for k in layer], n, seed, shift, crews=False)
         rows = {name: row for row, name in enumerate(scenarios.lines)}
         strong[layer] = scenarios.down[[rows[options[k].line] for k in layer]]
     return StrengthDraws(bare, strong)

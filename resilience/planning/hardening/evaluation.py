@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Floats, Ints
 from resilience.case import Case
 from resilience.case.critical import critical_loads
 from resilience.fragility.outages.scenarios import Scenarios
@@ -36,6 +36,7 @@ class StormOutcomes:
         shed_mwh: (storms,) energy not served, MWh.
         critical_mwh: (storms,) of critical loads, MWh.
         critical_h: (storms,) hours in which a critical load is not fully served.
+        stratum: (storms,) which storm of a catalogue each is a draw of; None: all of the same.
     """
 
     probability: Floats
@@ -43,6 +44,7 @@ class StormOutcomes:
     shed_mwh: Floats
     critical_mwh: Floats
     critical_h: Floats
+    stratum: Ints | None = None
 
     def mean(self, name: str) -> float:
         """The expected value of one of the arrays."""
@@ -50,7 +52,7 @@ class StormOutcomes:
 
     def error(self, name: str) -> float:
         """Its standard error; NaN of a single storm."""
-        return standard_error(getattr(self, name), self.probability)
+        return self._error(getattr(self, name))
 
     def cvar(self, alpha: float) -> float:
         """$ of the mean of the worst 1 - alpha."""
@@ -59,7 +61,18 @@ class StormOutcomes:
     def saving(self, before: StormOutcomes) -> tuple[float, float]:
         """$ that are saved against the same storms before, and the standard error, paired."""
         saved = before.cost - self.cost
-        return float(self.probability @ saved), standard_error(saved, self.probability)
+        return float(self.probability @ saved), self._error(saved)
+
+    def _error(self, values: Floats) -> float:
+        """Standard error of the mean of values (storms,): storms come as often as they come."""
+        if self.stratum is None:
+            return standard_error(values, self.probability)
+        errors = []
+        for k in np.unique(self.stratum):
+            drawn = self.stratum == k
+            share = float(self.probability[drawn].sum())
+            errors.append(share * standard_error(values[drawn], self.probability[drawn] / share))
+        return float(np.linalg.norm(errors))
 
     def value(self, risk: Risk) -> float:
         """$ of the risk over the storms."""
@@ -94,10 +107,13 @@ def outcomes_of(case: Case, scenarios: Scenarios, physics: Physics) -> StormOutc
     )
     critical = shed[critical_loads(case)]
     is_unserved = (critical > RELAXATION_TOLERANCE).any(axis=0)
-    arrays = (
-        second.cost,
-        case.step_h * shed.sum(axis=(0, 1)),
-        case.step_h * critical.sum(axis=(0, 1)),
-        case.step_h * is_unserved.sum(axis=0),
+    cost, shed_mwh, critical_mwh, critical_h = (
+        array[distinct.index]
+        for array in (
+            second.cost,
+            case.step_h * shed.sum(axis=(0, 1)),
+            case.step_h * critical.sum(axis=(0, 1)),
+            case.step_h * is_unserved.sum(axis=0),
+        )
     )
-    return StormOutcomes(scenarios.probability, *(array[distinct.index] for array in arrays))
+    return StormOutcomes(scenarios.probability, cost, shed_mwh, critical_mwh, critical_h)

@@ -11,7 +11,6 @@ import numpy as np
 
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
-from resilience.fragility.chain import storm
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import draw_options
@@ -20,6 +19,7 @@ from resilience.planning.hardening.options import options_of, strengths
 from resilience.planning.hardening.program import hardening_program
 from resilience.planning.hardening.report import Hardening
 from resilience.planning.hardening.search import HardeningSearch
+from resilience.planning.hardening.season import season_of
 from resilience.planning.hardening.yearly import Years
 from resilience.planning.tables import copperplate_notes
 from resilience.planning.two_stage.lshaped import DecompositionOptions
@@ -96,14 +96,13 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             spend = _budget(case, budget)
             _check(storms, new_storms, physics, frontier)
             planned = in_steps(case, step_min)
-            storm_of_case = storm(planned)
-        fallible = storm_of_case.lines.names
-        options = options_of(planned, fallible, factor=factor, cost=cost, lines=lines)
+            season = season_of(planned)
+        options = options_of(planned, season.lines, factor=factor, cost=cost, lines=lines)
         parsed = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
         annual_cost = None if years is None else years.annual_cost(options)
         per_year = 1.0 if years is None else years.storms_per_year
         with phase("storms"):
-            draws = draw_options(storm_of_case, strengths(options), storms, seed, shift)
+            draws = draw_options(season, strengths(options), storms, seed, shift)
         with phase("model"):
             program = hardening_program(
                 planned, options, draws, spend, risk=parsed, physics=physics,
@@ -126,7 +125,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
         }
         alone, beside = worth(search, choice.chosen)
         other_seed = seed + SEEDS_APART if new_seed is None else new_seed
-        judge = Judge(planned, storm_of_case, options, physics, shift)
+        judge = Judge(planned, season, options, physics, shift)
         sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
         uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
     plans = sorted([*others, choice], key=lambda plan: plan.budget)
@@ -134,7 +133,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
         planned, options, parsed, choice.times(per_year), gap,
         tuple(plan.times(per_year) for plan in plans), sets, fails, alone * per_year,
         beside * per_year, sample, uncrowded.value(parsed), unseen, storms, new_storms, seed,
-        other_seed, seconds, tuple(_notes(case, planned, physics)), years, annual_cost,
+        other_seed, seconds, tuple(_notes(case, planned, physics)), season, years, annual_cost,
     )  # fmt: skip
 
 
@@ -208,6 +207,12 @@ def _notes(case: Case, planned: Case, physics: Physics) -> list[str]:
             f"steps of {planned.step_min:g} min, of the case {case.step_min:g}: a line that is "
             "down in a part of a step is down in all of it"
         )
+    if len(case.plan.storm if case.plan is not None else ()) > 1 and _has_cloud(case):
+        notes.append("the sun is that under the case's own storm, in all storms")
     if any(line.switchable for line in case.line):
         notes.append("switchable lines are not strengthened, and switched as is best, in parts too")
     return [*notes, *copperplate_notes(case, physics)]
+
+
+def _has_cloud(case: Case) -> bool:
+    return case.storm is not None and case.storm.cloud is not None

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from resilience.arrays import Bools, Floats
 from resilience.case import Case
-from resilience.fragility.chain import Storm
 from resilience.models.microgrid import Physics
 from resilience.planning.hardening.draws import StrengthDraws, StrengthOption, drawn_with
 from resilience.planning.hardening.evaluation import StormOutcomes, outcomes_of
 from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.search import HardeningSearch
+from resilience.planning.hardening.season import Season
 from resilience.planning.hardening.sites import UnitOption, with_units
 from resilience.progress import meter
 
@@ -26,14 +26,14 @@ class Judge:
 
     Attributes:
         case: in the steps of the plan.
-        storm: of the case.
+        season: the storms.
         options: what could be built.
         physics: of the storms.
-        shift: of their draw.
+        shift: of their draws.
     """
 
     case: Case
-    storm: Storm
+    season: Season
     options: tuple[Option, ...]
     physics: Physics
     shift: float
@@ -45,8 +45,10 @@ class Judge:
         if key not in self._known:
             built = [self.options[k] for k in np.flatnonzero(chosen)]
             lines, units = strengths(built), [o for o in built if isinstance(o, UnitOption)]
-            scenarios = drawn_with(self.storm, lines, n, seed, self.shift, crews=crews)
-            self._known[key] = outcomes_of(with_units(self.case, units), scenarios, self.physics)
+            scenarios = drawn_with(self.season, lines, n, seed, self.shift, crews=crews)
+            outcomes = outcomes_of(with_units(self.case, units), scenarios, self.physics)
+            stratum = self.season.storm_of(n) if len(self.season.storms) > 1 else None
+            self._known[key] = replace(outcomes, stratum=stratum)
         return self._known[key]
 
     def all_outcomes(

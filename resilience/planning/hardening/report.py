@@ -20,6 +20,7 @@ from resilience.planning.hardening.draws import StrengthOption
 from resilience.planning.hardening.evaluation import StormOutcomes
 from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.search import Choice
+from resilience.planning.hardening.season import Season
 from resilience.planning.hardening.sites import UnitOption
 from resilience.planning.hardening.yearly import Years
 
@@ -57,6 +58,7 @@ class Hardening:
         seed, new_seed: of their draws.
         seconds: by phase.
         notes: what a reader should know.
+        season: the storms, and how often each comes beside the others.
         years: how often storms come, and what money costs; with it the objective, its bound, and
             what options save are in $ a year, what is built paid for; None: in $ a storm.
         annual_cost: (options,) $ a year for each; None without `years`.
@@ -81,6 +83,7 @@ class Hardening:
     new_seed: int
     seconds: dict[str, float] = field(repr=False)
     notes: tuple[str, ...] = field(repr=False)
+    season: Season = field(repr=False)
     years: Years | None = None
     annual_cost: Floats | None = field(default=None, repr=False)
 
@@ -161,6 +164,24 @@ class Hardening:
             rows[name] = row | {"cvar": storms.cvar(alpha), "saved": saved, "saved_error": error}
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
 
+    def by_storm(self, *, new: bool = True) -> pd.DataFrame:
+        """A row per storm of the season: how often it comes, and $ of each with every set built.
+
+        Args:
+            new: of the draws that the plan has not seen; else of its own.
+        """
+        import pandas as pd
+
+        outcomes = self.out_of_sample if new else self.in_sample
+        member = self.season.storm_of(self.new_storms if new else self.storms)
+        table = pd.DataFrame({"share": self.season.share}, index=list(self.season.names))
+        if self.years is not None:
+            table.insert(0, "per_year", self.season.share * self.years.storms_per_year)
+        for name, storms in outcomes.items():
+            weight = np.bincount(member, storms.probability)
+            table[name] = np.bincount(member, storms.probability * storms.cost) / weight
+        return table.rename_axis("storm")
+
     def yearly(self, *, new: bool = True) -> pd.DataFrame:
         """A row per set, in $ a year: what is built, storms, and what is saved net, with its error.
 
@@ -226,6 +247,7 @@ class Hardening:
                 "in_sample": self.comparison(new=False).reset_index().to_dict("records"),
                 "out_of_sample": self.comparison().reset_index().to_dict("records"),
                 "frontier": self.frontier_frame().reset_index().to_dict("records"),
+                "by_storm": self.by_storm().reset_index().to_dict("records"),
                 "storms_per_year": None if self.years is None else self.years.storms_per_year,
                 "interest_rate": None if self.years is None else self.years.interest_rate,
                 "yearly": (
@@ -246,6 +268,7 @@ class Hardening:
             "options": self.frame(),
             "storms": self.comparison(),
             "frontier": self.frontier_frame(),
+            "by_storm": self.by_storm(),
         }
         if self.years is not None:
             tables["yearly"] = self.yearly()

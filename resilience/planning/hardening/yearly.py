@@ -18,7 +18,7 @@ class Years:
     """How often storms come, and what money costs.
 
     Attributes:
-        storms_per_year: how many like that of the case.
+        storms_per_year: how many, like that of the case or those of its catalogue.
         interest_rate: a year.
     """
 
@@ -28,9 +28,10 @@ class Years:
     @classmethod
     def of_plan(cls, plan: PlanTable | None) -> Years | None:
         """What a case says; None where it does not say how often storms come."""
-        if plan is None or plan.storms_per_year is None:
+        if plan is None or not (plan.storm or plan.storms_per_year):
             return None
-        return cls(plan.storms_per_year, plan.interest_rate)
+        per_year = sum(entry.per_year for entry in plan.storm)
+        return cls(plan.storms_per_year or per_year, plan.interest_rate)
 
     def annual_cost(self, options: Sequence[Option]) -> Floats:
         """(options,) $ a year for each that is built, in equal payments over its life."""

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 import resilience as rs
 from resilience.cli.app import app
 from resilience.errors import UsageError
-from resilience.fragility.chain import Storm, storm
 from resilience.planning.hardening.draws import (
     StrengthOption,
     draw_options,
@@ -23,6 +22,7 @@ from resilience.planning.hardening.evaluation import outcomes_of
 from resilience.planning.hardening.harden import in_steps
 from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.report import Hardening
+from resilience.planning.hardening.season import Season, season_of
 from resilience.plots.hardening import plot_hardening
 from resilience.text.console import plain_console
 from resilience.text.hardening import print_hardening
@@ -31,8 +31,8 @@ LINES = ("1-2", "12-13", "28-29")
 
 
 @pytest.fixture(scope="module")
-def over() -> Storm:
-    return storm(in_steps(rs.load_case("ieee33_rammasun"), 180.0))
+def over() -> Season:
+    return season_of(in_steps(rs.load_case("ieee33_rammasun"), 180.0))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def hardening() -> Hardening:
     )  # fmt: skip
 
 
-def test_any_set_meets_the_same_storms(over: Storm) -> None:
+def test_any_set_meets_the_same_storms(over: Season) -> None:
     """Drawn as a set or put together line by line; underground, nothing fails."""
     options = [
         StrengthOption("12-13", 1.2, 1.0), StrengthOption("12-13", 1.5, 2.0),
@@ -66,7 +66,7 @@ def test_any_set_meets_the_same_storms(over: Storm) -> None:
     assert bare.sum() > strong.sum()
 
 
-def test_a_shifted_draw_keeps_its_weights(over: Storm) -> None:
+def test_a_shifted_draw_keeps_its_weights(over: Season) -> None:
     options = [StrengthOption("12-13", 1.5, 1.0)]
     draws = draw_options(over, options, 40, 5, shift=-1.0)
     weight = draws.scenarios.probability
@@ -75,10 +75,10 @@ def test_a_shifted_draw_keeps_its_weights(over: Storm) -> None:
     np.testing.assert_array_equal(weight, drawn_with(over, options, 40, 5, -1.0).probability)
 
 
-def test_what_is_said_is_what_the_storms_cost(over: Storm, hardening: Hardening) -> None:
+def test_what_is_said_is_what_the_storms_cost(over: Season, hardening: Hardening) -> None:
     """The plan's figures are those of the storms drawn anew with its lines, by the case's crews."""
     expected = outcomes_of(
-        over.case, drawn_with(over, strengths(hardening.chosen), 8, 0), "copperplate"
+        over.storms[0].case, drawn_with(over, strengths(hardening.chosen), 8, 0), "copperplate"
     )
     np.testing.assert_allclose(hardening.in_sample["plan"].cost, expected.cost)
     table = hardening.comparison()
