@@ -66,9 +66,11 @@ SCENARIO_PLAN = ResultKind("plan over scenarios")
 COMPARISON = ResultKind("comparison", lasting=(PARTS_FOLDER,))
 HAZARD = ResultKind("hazard", mark="hazard.json")
 SURVIVAL = ResultKind("survival")
+HARDENING = ResultKind("choice of what to build")
 REPRODUCTION = ResultKind("reproduction", lasting=("*",))
 KINDS = {
-    kind.name: kind for kind in (PLAN, SCENARIO_PLAN, COMPARISON, HAZARD, SURVIVAL, REPRODUCTION)
+    kind.name: kind
+    for kind in (PLAN, SCENARIO_PLAN, COMPARISON, HAZARD, SURVIVAL, HARDENING, REPRODUCTION)
 }
 """All kinds by name."""
 

@@ -73,9 +73,12 @@ def harden(
     """What to build before the storm, within a budget or as far as it pays, with a proven bound."""
     import resilience as rs
     from resilience.files import check_picture
+    from resilience.results import HARDENING, check_replaceable
 
     if plot is not None:
         check_picture(plot)
+    if out is not None:
+        check_replaceable(out, HARDENING)
     physics_name: Physics = physics  # type: ignore[assignment]
     with terminal.progress(verbose):
         hardening = rs.harden(

@@ -183,6 +183,14 @@ def kinds(sources: Path) -> Iterator[Kind]:
     yield Kind("hazard", "run", first.save, second.save, settle)
     lasting, shorter = (rs.survive(island(), hours) for hours in ([1.0, 2.0], [1.0]))
     yield Kind("survival", "run", lasting.save, shorter.save, rs.load_survival)
+    built = [
+        rs.harden(
+            "ieee33_rammasun", spend, storms=2, new_storms=2, factor=1.5, lines=["12-13"],
+            step_min=360.0,
+        )
+        for spend in (0.0, 1.0)
+    ]  # fmt: skip
+    yield Kind("choice of what to build", "run", built[0].save, built[1].save, settle)
     for suffix in ("npz", "csv"):
         yield Kind(
             f"scenarios {suffix}", f"storms.{suffix}", first.scenarios.save, second.scenarios.save,

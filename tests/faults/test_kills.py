@@ -17,8 +17,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 OUTPUTS = {
     "plan", "plan over scenarios", "comparison", "part of a comparison", "hazard", "survival",
-    "scenarios npz", "scenarios csv", "case", "measured case", "reproduction",
-    "part of a reproduction", "picture",
+    "choice of what to build", "scenarios npz", "scenarios csv", "case", "measured case",
+    "reproduction", "part of a reproduction", "picture",
 }  # fmt: skip
 
 

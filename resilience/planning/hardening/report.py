@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,11 +13,11 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.case import Case
 from resilience.errors import UsageError
-from resilience.files import replacing_file
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import StrengthOption
 from resilience.planning.hardening.evaluation import StormOutcomes
 from resilience.planning.hardening.program import Option
+from resilience.planning.hardening.saving import write_hardening
 from resilience.planning.hardening.search import Choice
 from resilience.planning.hardening.season import Season
 from resilience.planning.hardening.sites import UnitOption
@@ -182,6 +181,20 @@ class Hardening:
             table[name] = np.bincount(member, storms.probability * storms.cost) / weight
         return table.rename_axis("storm")
 
+    def draws(self) -> pd.DataFrame:
+        """A row per set and storm that was drawn, those of the plan first."""
+        import pandas as pd
+
+        names, rows = np.array(self.season.names), []
+        for sample, sets in (("plan", self.in_sample), ("new", self.out_of_sample)):
+            for name, storms in sets.items():
+                member = names[self.season.storm_of(len(storms.cost))]
+                columns = {"sample": sample, "storm": member, "probability": storms.probability}
+                columns |= {measure: getattr(storms, measure) for measure in MEASURES}
+                index = pd.Index([name] * len(storms.cost), name="set")
+                rows.append(pd.DataFrame(columns, index=index))
+        return pd.concat(rows)
+
     def yearly(self, *, new: bool = True) -> pd.DataFrame:
         """A row per set, in $ a year: what is built, storms, and what is saved net, with its error.
 
@@ -258,23 +271,23 @@ class Hardening:
             }
         )
 
-    def save(self, folder: str | Path) -> None:
-        """Writes summary.json, and the tables as options.csv, storms.csv and frontier.csv."""
-        path = Path(folder)
-        path.mkdir(parents=True, exist_ok=True)
-        with replacing_file(path / "summary.json") as fresh:
-            fresh.write_text(json.dumps(self.summary(), indent=2, allow_nan=False), "utf-8")
+    def save(self, folder: str | Path) -> Path:
+        """Writes the folder, see `saving`; an earlier one is replaced, anything else is refused.
+
+        Raises:
+            UsageError: the folder holds something else.
+            FileError: the system refuses, as where a disk is full.
+        """
         tables = {
             "options": self.frame(),
-            "storms": self.comparison(),
-            "frontier": self.frontier_frame(),
+            "sets": self.comparison(),
             "by_storm": self.by_storm(),
+            "frontier": self.frontier_frame(),
+            "draws": self.draws(),
         }
         if self.years is not None:
             tables["yearly"] = self.yearly()
-        for name, table in tables.items():
-            with replacing_file(path / f"{name}.csv") as fresh:
-                table.to_csv(fresh)
+        return write_hardening(Path(folder), self.case, tables, self.summary())
 
 
 def _plain(value: Any) -> Any:

@@ -104,7 +104,8 @@ def test_a_year_of_storms_from_a_catalogue(tmp_path: Path) -> None:
     assert objective["objective"] == pytest.approx(found.choice.value)
     assert objective["budget"] is None
     found.save(tmp_path)
-    assert {"yearly.csv", "by_storm.csv"} <= {path.name for path in tmp_path.iterdir()}
+    written = {path.name for path in tmp_path.iterdir()}
+    assert {"yearly.csv", "by_storm.parquet", "README.md", "case.toml"} <= written
 
 
 def test_what_is_wrong_with_a_catalogue_is_said() -> None:
