@@ -115,13 +115,16 @@ STORMS = 9
 TREE = [(1, 2), (2, 3), (3, 4), (2, 5), (5, 6), (6, 7), (1, 8), (8, 9)]
 
 
-def island_feeder() -> Case:
-    """Nine buses with storage, generators, and loads at two prices; every source forms islands."""
+def island_feeder(more: Sequence[tuple[int, int]] = ()) -> Case:
+    """Nine buses with storage, generators, and loads at two prices; every source forms islands.
+
+    Lines beside those of the tree close loops.
+    """
     rng = np.random.default_rng(3)
     return small_case(
         slots=HOURS,
         buses=9,
-        lines=[(i, j, 0.01, 0.01) for i, j in TREE],
+        lines=[(i, j, 0.01, 0.01) for i, j in [*TREE, *more]],
         profiles={"day": rng.uniform(0.5, 1.0, HOURS).tolist()},
         grid=[{"import_max_mw": 20.0, "import_cost_per_mwh": IMPORT, "v_pu": 1.0}],
         generator=[{"bus": "4", "p_max_mw": 1.0, "cost_per_mwh": 12.0}],
@@ -187,6 +190,25 @@ def test_the_best_two_of_eight_are_those_of_all_pairs(risk: str, later: bool) ->
     for chosen in some:
         expected = plain(case, options, draws, chosen, measure)
         assert search.value(chosen) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("physics", ["copperplate", "lindistflow"])
+def test_on_a_mesh_the_best_two_are_those_of_all_pairs(physics: Physics) -> None:
+    """Two loops, one within the other: what a line is worth hangs on the way around it."""
+    case = island_feeder([(4, 7), (9, 3)])
+    options = one_each(case)
+    draws = random_draws(case, options, later=False)
+    search = searched(case, options, draws, 2.0, physics=physics)
+    sets = sets_of(10, 2) if physics == "copperplate" else sets_of(10, 2)[::5]
+    values = [search.value(chosen) for chosen in sets]
+    choice = search.best(2.0)
+    if physics == "copperplate":
+        assert choice.value == pytest.approx(min(values), rel=1e-6)
+    assert choice.value <= min(values) * (1.0 + 1e-6)
+    assert choice.gap <= 1e-6
+    for chosen in [choice.chosen, np.ones(10, bool), *sets[::7]]:
+        expected = plain(case, options, draws, chosen, Risk(), physics)
+        assert search.value(chosen) == pytest.approx(expected, rel=1e-5)
 
 
 def test_more_to_spend_never_costs_more_and_cuts_serve_all_budgets() -> None:
