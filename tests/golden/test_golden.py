@@ -7,6 +7,7 @@ whatever else feeds into its buses. Line 2-3 is out in the second slot.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from resilience.case import Case
 from resilience.models.algebra import scatter
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.case_program import status
+from resilience.models.components import DeviceFleet, Sited, Strengthened
 from resilience.models.language.stage import Stage
 from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, Physics
@@ -94,7 +96,32 @@ GOLDEN: dict[str, tuple[tuple[str, ...], Physics, dict[str, Any]]] = {
         "lindistflow",
         {"line_tables": [{"name": "2-3", "switchable": True, "switching_cost": 1.5}]},
     ),
+    "line-strengthened": (("Strengthened", "Buses", "Lines"), "lindistflow", {}),
+    "site": (
+        ("Sited", "ESS", "Generators", "PV"),
+        "lindistflow",
+        {"pv": [{**PV, "s_mva": 3.5}], "generator": [UNIT], "ess": [{**ESS, "bus": "3"}]},
+    ),
 }
+
+
+def with_choices(microgrid: Microgrid, name: str) -> Microgrid:
+    """The microgrid with what may be built, where a file is of that."""
+    if name == "line-strengthened":
+        # Of line 2-3, down in the second slot as it is: mended by one option, lost at once by one.
+        bare, strong = np.array([[True, False]]), np.array([[True, True], [False, True]])
+        options, lines = ("2-3 x1.5", "2-3 underground"), np.zeros(2, np.intp)
+        return replace(
+            microgrid,
+            strengthened=Strengthened(("2-3",), options, lines, np.array([3.0, 4.0]), bare, strong),
+        )
+    if name == "site":
+        case = microgrid.case
+        units = [*case.ess, *case.generator, *case.pv]
+        output, follows = np.array([1.0, 1.0, 0.75]), np.array([False, False, False])
+        sited = Sited(units, follows, np.array([5.0, 6.0, 7.0]), output, begins=True)
+        return replace(microgrid, sited=sited)
+    return microgrid
 
 
 def tiny_case(**tables: Any) -> Case:
@@ -118,7 +145,12 @@ def alone(microgrid: Microgrid, kinds: tuple[str, ...]) -> Pyomo:
     chosen = [c for c in microgrid.components if type(c).__name__ in kinds]
     stage = Stage(case.step_h, reactive=microgrid.physics != "copperplate")
     names = microgrid.network.bus_names
-    fed = [found for c in chosen if (found := c.emit(stage)) is not None]
+    fed = []
+    for component in chosen:
+        if (power := component.emit(stage)) is not None:
+            fed.append(power)
+            if microgrid.sited is not None and isinstance(component, DeviceFleet):
+                microgrid.sited.limit(stage, component, power)
     at = np.unique(np.concatenate([injection.bus for injection in fed]))
     for word in ("p", "q") if stage.reactive else ("p",):
         rest = stage.var(f"rest.{word}", [names[k] for k in at], -9.0, 9.0)
@@ -143,7 +175,8 @@ def rounded(text: str) -> str:
 def written(name: str, folder: Path) -> str:
     kinds, physics, tables = GOLDEN[name]
     path = folder / f"{name}.lp"
-    alone(Microgrid.build(tiny_case(**tables), physics), kinds).write(path)
+    microgrid = with_choices(Microgrid.build(tiny_case(**tables), physics), name)
+    alone(microgrid, kinds).write(path)
     return rounded(path.read_text())
 
 
