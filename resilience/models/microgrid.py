@@ -61,8 +61,9 @@ class Microgrid:
         bus_of: (buses of the case,) index in `network` of every bus of the case.
         lines_of: (lines,) index in the case's network of every line of `network`.
         fallible: (lines,) lines that data may take out.
-        strengthened: lines that can be strengthened before the storm; usually none.
-        sited: units that may be built before it; usually none.
+        strengthened: lines that can be strengthened before the storm; usually none. Where there
+            are some, or `sited`, closed lines may make loops.
+        sited: units and ties that may be built before it; usually none.
     """
 
     case: Case
@@ -237,7 +238,7 @@ class Microgrid:
         )
         switches = (
             [Topology(lines, network.bus_names, self.forming, self.separate_grids, network.radial)]
-            if network.switchable.any()
+            if network.switchable.any() and self.strengthened is None and self.sited is None
             else []
         )
         return [*([buses] if buses else []), lines, *switches]
@@ -299,9 +300,9 @@ class Microgrid:
             power = component.emit(stage)
             if power is None:
                 continue
+            if self.sited is not None:
+                self.sited.limit(stage, component, power)
             if isinstance(component, DeviceFleet):
-                if self.sited is not None:
-                    self.sited.limit(stage, component, power)
                 if energised is not None:
                     energised.limit(stage, component, power)
                 if may_spill:

@@ -66,9 +66,9 @@ def _map(axis: Axes, hardening: Hardening) -> None:
     assert place is not None
     chances = zip(hardening.options, hardening.fails, strict=True)
     fails = {option.line: p for option, p in chances if isinstance(option, StrengthOption)}
-    built = {option.line for option in hardening.chosen if isinstance(option, StrengthOption)}
+    built = {o.line for o in hardening.chosen if not isinstance(o, UnitOption)}
     for k, name in enumerate(network.line_names):
-        if not network.in_service[k]:
+        if not network.in_service[k] and name not in built:
             continue
         x, y = place[[network.from_bus[k], network.to_bus[k]]].T
         colour = style.METHOD_COLOURS[1] if name in built else style.OUTAGE_COLOUR

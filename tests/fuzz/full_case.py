@@ -195,6 +195,9 @@ def dark_case() -> dict[str, Any]:
     data = placed_case(BLACKOUT)
     data |= {"outage": OUTAGE, "geography": GEOGRAPHY, "tank": [TANK]}
     data["plan"] = {"storms_per_year": 0.5}
+    tie = {"from": "2", "to": "4", "r_ohm": 0.8, "x_ohm": 0.5, "in_service": False}
+    data["network"]["line"].append(tie)
+    data["line"].append({"name": "2-4", "tie_cost": 3.0})
     data["network"] |= {"impedance_scale": 1.1, "v_max_pu": 1.08, "parallel_grids": True,
                         "radial": False, "not_modelled": ["2 ways of lines"]}  # fmt: skip
     data["network"]["bus"][2] |= {"shunt_p_mw": 0.01, "shunt_q_mvar": -0.02}

@@ -16,7 +16,7 @@ from resilience.planning.hardening.draws import StrengthDraws, StrengthOption, s
 from resilience.planning.hardening.evaluation import outcomes_of
 from resilience.planning.hardening.program import Option, hardening_program
 from resilience.planning.hardening.search import HardeningSearch
-from resilience.planning.hardening.sites import UnitOption, units_of, with_units
+from resilience.planning.hardening.sites import UnitOption, ties_of, units_of, with_built
 from resilience.planning.hardening.yearly import Years, capital_recovery
 from resilience.planning.two_stage.extensive import extensive
 from tests.known.test_hardening import (
@@ -56,7 +56,7 @@ def plain(
     lines = [o for o in options if isinstance(o, StrengthOption)]
     units = [o for o, is_built in zip(options, chosen, strict=True) if is_built]
     scenarios = status_with(draws, lines, chosen[: len(lines)])
-    built = with_units(case, [o for o in units if isinstance(o, UnitOption)])
+    built = with_built(case, [o for o in units if not isinstance(o, StrengthOption)])
     return outcomes_of(built, scenarios, physics).value(risk or Risk())
 
 
@@ -200,3 +200,50 @@ def test_a_line_and_a_generator_behind_it_stand_in_for_each_other() -> None:
         value = search.value(np.array(chosen, bool))
         assert value == pytest.approx(2.0 * HOURS * price, rel=1e-9)
     assert search.best(2.0).chosen.tolist() == [True, False]
+
+
+def test_a_tie_is_worth_the_load_that_it_feeds() -> None:
+    """Two laterals, and a tie between their ends: either feeds both while the other is down."""
+    case = feeder([(1, 2), (1, 3), (2, 3)], {2: 2.0, 3: 1.0}).replace(
+        line=[{"name": "2-3", "in_service": False, "tie_cost": 5.0}]
+    )
+    options: list[Option] = list(ties_of(case))
+    bare = np.array([[True, False, True, False], [False, True, True, False], [False] * 4])
+    draws = by_storm(case, bare, np.zeros((0, 4), bool), [0.3, 0.2, 0.1, 0.4])
+    search = HardeningSearch(hardening_program(case, options, draws, 5.0), EXACT)
+    nothing, tied = np.array([False]), np.array([True])
+    saved = (0.3 * 2.0 + 0.2 * 1.0) * HOURS * (PRICE - IMPORT)
+    assert search.value(nothing) - search.value(tied) == pytest.approx(saved, rel=1e-9)
+    for chosen in (nothing, tied):
+        assert plain(case, options, draws, chosen) == pytest.approx(search.value(chosen), rel=1e-7)
+    assert search.best(5.0).chosen.tolist() == [True]
+    assert not search.best(4.0).chosen.any()
+
+
+def test_ties_beside_lines_and_units_are_worth_what_closed_lines_are() -> None:
+    """Open ties that are built act like lines that close loops, in the same storms."""
+    ties, lines = ("4-7", "9-3"), one_each(island_feeder())[2:4]
+    tables = [{"name": name, "in_service": False, "tie_cost": 1.2} for name in ties]
+    base = island_feeder([(4, 7), (9, 3)]).replace(terminal_value_per_mwh=0.7)
+    case = base.replace(line=tables, plan={"site": SITES[:1]})
+    options: list[Option] = [*lines, *units_of(case), *ties_of(case)]
+    draws = random_draws(island_feeder(), lines, later=False)
+    program = hardening_program(case, options, draws, 3.0)
+    search = HardeningSearch(program, EXACT)
+    sets = sets_in_turn(options)
+    assert len(sets) == 2 * 2 * 4 * 2 * 2
+    values = [search.value(chosen) for chosen in sets]
+    for chosen, value in list(zip(sets, values, strict=True))[::5]:
+        closed = [
+            {"name": n, "in_service": bool(b)} for n, b in zip(ties, chosen[-2:], strict=True)
+        ]
+        mesh = base.replace(line=closed)
+        expected = plain(mesh, options[:-2], draws, chosen[:-2])
+        assert value == pytest.approx(expected, rel=1e-6)
+        # Trees, by shares: a program that may close loops is never dearer.
+        assert value <= plain(case, options, draws, chosen) * (1.0 + 1e-7)
+    for budget in (1.2, 3.0, 6.0):
+        choice = search.best(budget, search.greedy(budget))
+        fits = [v for c, v in zip(sets, values, strict=True) if program.cost @ c <= budget + 1e-9]
+        assert choice.value == pytest.approx(min(fits), rel=1e-6)
+        assert choice.gap <= 1e-6

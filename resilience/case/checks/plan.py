@@ -9,7 +9,7 @@ from resilience.case.checks.parts import Parts
 from resilience.case.checks.rules import broken_rules
 from resilience.case.document import Finding
 from resilience.case.reading import read_table, show
-from resilience.case.schema import DEVICES, PlanTable, SiteTable, StrengthTable
+from resilience.case.schema import DEVICES, LineTable, PlanTable, SiteTable, StrengthTable
 from resilience.errors import did_you_mean
 
 SITES = ("plan", "site")
@@ -26,11 +26,24 @@ def check_plan(parts: Parts) -> None:
         if line.harden and line.switchable:
             hint = "drop one of the two: the status of the line cannot follow from both"
             findings.append(("harden", "options of a switchable line", "another line", hint))
+        if line.tie_cost is not None and not _is_open(parts, line):
+            hint = "a line that is closed, or has its switch, needs none"
+            value = f"{line.tie_cost:g}"
+            findings.append(("tie_cost", value, "nothing but of an open line without switch", hint))
         document.add_findings(("line", str(line.name)), title, findings)
     if parts.plan is not None:
         findings = [*_wrong_options(parts.plan.harden or ()), *_wrong_catalogue(parts.plan)]
         document.add_findings(("plan",), "[plan]", findings)
         _check_sites(parts, parts.plan.site or ())
+
+
+def _is_open(parts: Parts, line: LineTable) -> bool:
+    """Whether a line is open, and stays so; true where nobody can tell yet."""
+    network = parts.network
+    if network is None or not line.name or not network.has_line(line.name):
+        return True
+    k = network.line(line.name)
+    return not network.in_service[k] and not network.switchable[k]
 
 
 def _wrong_catalogue(plan: PlanTable) -> Iterator[Finding]:

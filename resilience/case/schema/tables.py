@@ -223,6 +223,11 @@ class LineTable(Table):
     harden: tuple[StrengthTable, ...] = Field(
         (), strict=False, description="ways of strengthening it before the storm, one to be chosen"
     )
+    tie_cost: Money | None = Field(
+        None,
+        description="to give this open line a switch before the storm, so that it may be closed, "
+        "$; absent: not offered",
+    )
 
 
 class DeliveryTable(Table):

@@ -57,7 +57,7 @@ from typing import Literal
 import numpy as np
 
 from resilience.arrays import Bools, Floats, Ints
-from resilience.models.algebra import Affine, labelled, replaced, scatter, stack
+from resilience.models.algebra import Affine, Labels, labelled, replaced, scatter, stack
 from resilience.models.components.base import Injection
 from resilience.models.components.line_data import LineData
 from resilience.models.components.loops import close_loops, share
@@ -77,6 +77,11 @@ class Lines(LineData):
     def switched(self) -> Ints:
         """Indices of the switchable lines."""
         return np.flatnonzero(self.switchable)
+
+    @property
+    def switched_names(self) -> Labels:
+        """Names of the switchable lines."""
+        return tuple(self.names[k] for k in self.switched)
 
     def emit(self, stage: Stage) -> Injection:
         """Flow out of one end and into the other."""
@@ -152,12 +157,24 @@ class Lines(LineData):
         return end_sq
 
     def _status(self, stage: Stage) -> Affine | None:
+        """(`decided` lines,) their status; None where there are none."""
         up = stage.data("line.up", self.names, unit="1", about="whether a line can carry power")
-        if self.strengthened is not None:
-            return stage["line.stands"]
-        if not len(self.switched):
-            return None
-        names = [self.names[i] for i in self.switched]
+        closed = self._closed(stage, up) if len(self.switched) else None
+        if self.strengthened is None:
+            return closed
+        stands: Affine = stage["line.stands"]
+        if closed is None:
+            return stands
+        decided = np.flatnonzero(self.decided)
+        rows = [
+            np.searchsorted(decided, k) for k in (np.flatnonzero(self.strengthened), self.switched)
+        ]
+        n = len(decided)
+        return scatter(stands, rows[0], n) + scatter(closed, rows[1], n)
+
+    def _closed(self, stage: Stage, up: Affine) -> Affine:
+        """(switched lines,) whether each is closed."""
+        names = self.switched_names
         was, closed = stage.state(
             "line.closed", names, 0.0, up[self.switched], unit="1", about="closed", integer=True
         )

@@ -1,4 +1,4 @@
-r"""Units that may be built before the storm: none of what they could do without being built.
+r"""What may be built before the storm: none of what it could do without being built.
 
 A unit that may be built stands in the case like any other, and is whole or nothing, $y_u$, a
 design: the same in every slot of every storm. What it feeds in and takes, and what it stores, lies
@@ -11,9 +11,11 @@ A storage comes with its energy at the start: its own state starts empty, and in
 every storm it is filled with $s^0_u E_u y_u$ (`site.filled`), so that the start is known whatever
 is built. Units of one site are alike, so the second is built after the first.
 
+A tie, an open line that may be given a switch, is closed at most as far as it has one, $z \le y$.
+
 | symbol | name | unit |
 |---|---|---|
-| $y_u$ | `site.built`, per unit | 1 |
+| $y_u$ | `site.built`, per unit and tie | 1 |
 | $s^0_u E_u y_u$ | `site.filled`, of storage; nothing but in the first slot of a storm | MWh |
 """
 
@@ -27,9 +29,10 @@ import numpy as np
 from resilience.arrays import Bools, Floats
 from resilience.case.schema import DeviceTable, ESSTable
 from resilience.models.algebra import Affine, Labels
-from resilience.models.components.base import Injection
+from resilience.models.components.base import Component, Injection
 from resilience.models.components.ess import FILLED
 from resilience.models.components.fleet import DeviceFleet
+from resilience.models.components.line import Lines
 from resilience.models.language.stage import Stage
 from resilience.models.network.situation import Situation
 
@@ -38,13 +41,16 @@ BUILT = "site.built"
 
 @dataclass(frozen=True)
 class Sited:
-    """The units that may be built; they stand in the case, storage empty, with no least charge.
+    """The units and ties that may be built.
+
+    They stand in the case: storage empty, with no least charge, and ties switchable.
 
     Attributes:
         units: the table of each, as it is if it is built.
         follows: (units,) whether a unit is built only with the one before it.
-        cost: (units,) $ in the objective, paid once.
+        cost: (units and ties,) $ in the objective, paid once.
         output: (units,) per unit of its greatest output, what it can feed in at most in the stage.
+        ties: open lines that may be given a switch.
         begins: whether the stage is the first of a storm.
     """
 
@@ -52,18 +58,19 @@ class Sited:
     follows: Bools
     cost: Floats
     output: Floats
+    ties: Labels = ()
     begins: bool = False
 
     @property
     def names(self) -> Labels:
-        """Names of the units."""
-        return tuple(unit.name for unit in self.units)
+        """Names of the units and ties."""
+        return (*(unit.name for unit in self.units), *self.ties)
 
     def emit(self, stage: Stage) -> None:
         """Declares what is built, and what storage comes with."""
         built = stage.design(
             BUILT, self.names, 0.0, 1.0, self.cost,
-            unit="1", about="whether a unit is built", integer=True,
+            unit="1", about="whether it is built", integer=True,
         )  # fmt: skip
         stored = {u.name: u for u in self.units if isinstance(u, ESSTable)}
         if stored:
@@ -74,9 +81,24 @@ class Sited:
             rows = [self.names.index(name) for name in stored]
             stage.eq(FILLED, filled, built[rows] * size_mwh)
 
-    def limit(self, stage: Stage, fleet: DeviceFleet, power: Injection) -> None:
+    def limit(self, stage: Stage, component: Component, power: Injection) -> None:
+        """Holds what a component that is in the stage does to what is built of it.
+
+        Args:
+            stage: with the component.
+            component: any.
+            power: that it feeds in.
+        """
+        if isinstance(component, Lines) and self.ties:
+            rows = [component.switched_names.index(name) for name in self.ties]
+            built: Affine = stage[BUILT][np.arange(len(self.units), len(self.names))]
+            stage.le("site.line", stage["line.closed"][rows], built)
+        elif isinstance(component, DeviceFleet):
+            self._limit_fleet(stage, component, power)
+
+    def _limit_fleet(self, stage: Stage, fleet: DeviceFleet, power: Injection) -> None:
         """Holds what a fleet's units feed in, take and store to what is built of them."""
-        rows = [k for k, name in enumerate(self.names) if name in fleet.names]
+        rows = [k for k, unit in enumerate(self.units) if unit.name in fleet.names]
         if not rows:
             return
         units = [fleet.names.index(self.names[k]) for k in rows]

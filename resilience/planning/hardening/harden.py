@@ -95,6 +95,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             years = Years.of_plan(case.plan)
             spend = _budget(case, budget)
             _check(storms, new_storms, physics, frontier)
+            _check_ties(case, physics)
             planned = in_steps(case, step_min)
             season = season_of(planned)
         options = options_of(planned, season.lines, factor=factor, cost=cost, lines=lines)
@@ -194,6 +195,21 @@ def _check(storms: int, new_storms: int, physics: Physics, further: Sequence[flo
         raise UsageError("; ".join(wrong), hint="200 storms, and 300 new ones, are usual")
 
 
+def _check_ties(case: Case, physics: Physics) -> None:
+    """Refuses lines that may be switched where voltages are planned with.
+
+    Raises:
+        UsageError: there are some.
+    """
+    names = [line.name for line in case.line if line.switchable or line.tie_cost is not None]
+    if names and physics != "copperplate":
+        raise UsageError(
+            f"physics {physics!r} with lines that may be switched, {', '.join(names)}; allowed: "
+            "copperplate",
+            hint="loops that switches close need voltages around them; leave out --physics",
+        )
+
+
 def _notes(case: Case, planned: Case, physics: Physics) -> list[str]:
     """What a reader should know of the figures."""
     notes = [
@@ -209,8 +225,13 @@ def _notes(case: Case, planned: Case, physics: Physics) -> list[str]:
         )
     if len(case.plan.storm if case.plan is not None else ()) > 1 and _has_cloud(case):
         notes.append("the sun is that under the case's own storm, in all storms")
-    if any(line.switchable for line in case.line):
-        notes.append("switchable lines are not strengthened, and switched as is best, in parts too")
+    if any(line.switchable or line.tie_cost is not None for line in case.line):
+        notes.append(
+            "switchable lines and ties are not strengthened, and switched as is best, in parts "
+            "too; in the program they may close loops"
+        )
+    if any(line.tie_cost is not None for line in case.line):
+        notes.append("ties stand in every storm, as lines do that are open at first")
     return [*notes, *copperplate_notes(case, physics)]
 
 

@@ -16,7 +16,7 @@ from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.search import HardeningSearch
 from resilience.planning.hardening.season import Season
-from resilience.planning.hardening.sites import UnitOption, with_units
+from resilience.planning.hardening.sites import with_built
 from resilience.progress import meter
 
 
@@ -44,9 +44,10 @@ class Judge:
         key = chosen.tobytes(), n, seed, crews
         if key not in self._known:
             built = [self.options[k] for k in np.flatnonzero(chosen)]
-            lines, units = strengths(built), [o for o in built if isinstance(o, UnitOption)]
+            lines = strengths(built)
+            others = [option for option in built if not isinstance(option, StrengthOption)]
             scenarios = drawn_with(self.season, lines, n, seed, self.shift, crews=crews)
-            outcomes = outcomes_of(with_units(self.case, units), scenarios, self.physics)
+            outcomes = outcomes_of(with_built(self.case, others), scenarios, self.physics)
             stratum = self.season.storm_of(n) if len(self.season.storms) > 1 else None
             self._known[key] = replace(outcomes, stratum=stratum)
         return self._known[key]
@@ -65,14 +66,14 @@ class Judge:
 
 
 def chances(options: Sequence[Option], draws: StrengthDraws) -> Floats:
-    """(options,) probability that the line of each is down at all, as it is; NaN of units."""
+    """(options,) probability that the line of each is down at all, as it is; NaN of all else."""
     ever = draws.scenarios.down.any(axis=1) @ draws.scenarios.probability
     chance = dict(zip(draws.scenarios.lines, ever.tolist(), strict=True))
     return np.array([chance[o.line] if isinstance(o, StrengthOption) else np.nan for o in options])
 
 
 def strongest(options: Sequence[Option]) -> Bools:
-    """(options,) the strongest of every line, and all units."""
+    """(options,) the strongest of every line, all units, and all ties."""
     best = {option.line: option for option in sorted(strengths(options), key=lambda o: o.factor)}
     return np.array([not isinstance(o, StrengthOption) or best[o.line] is o for o in options])
 

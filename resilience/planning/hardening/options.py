@@ -1,4 +1,4 @@
-"""What a case, or a user, offers to build: lines in the order of the network, then units."""
+"""What a case, or a user, offers to build: lines to strengthen, then units, then ties."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from resilience.case import Case
 from resilience.case.schema import LineTable, PlanTable, StrengthTable
 from resilience.errors import UsageError
 from resilience.planning.hardening.draws import StrengthOption
-from resilience.planning.hardening.sites import UnitOption, units_of
+from resilience.planning.hardening.sites import Built, ties_of, units_of
 
 
 def options_of(
@@ -19,12 +19,12 @@ def options_of(
     factor: float | None = None,
     cost: float = 1.0,
     lines: Sequence[str] | None = None,
-) -> tuple[StrengthOption | UnitOption, ...]:
-    """The options of every line that can be strengthened, and the units of every site.
+) -> tuple[StrengthOption | Built, ...]:
+    """The options of every line that can be strengthened, units of every site, and ties.
 
     Args:
         case: its `[[line]] harden`, or else `[plan] harden`, says what there is of lines, and its
-            `[[plan.site]]` of units.
+            `[[plan.site]]` of units, its `[[line]] tie_cost` of ties.
         fallible: lines that the storm may break.
         factor: in place of what the case says, one option for every line: so many times as strong.
         cost: of that option, $.
@@ -56,14 +56,14 @@ def options_of(
             options.append(StrengthOption(name, factor, cost, plan.life_years))
         else:
             options += [_option(name, way, plan) for way in table.harden or plan.harden]
-    units = units_of(case)
-    if not options and not units:
+    others: list[Built] = [*units_of(case), *ties_of(case)]
+    if not options and not others:
         raise UsageError(
             f"case {case.name!r} offers nothing to build",
             hint="state harden = [{ factor = 1.5, cost = 40000 }] in [plan] or in [[line]], or "
             "[[plan.site]], or give --factor and --cost for all lines",
         )
-    return (*options, *units)
+    return (*options, *others)
 
 
 def _option(line: str, table: StrengthTable, plan: PlanTable) -> StrengthOption:
@@ -71,6 +71,6 @@ def _option(line: str, table: StrengthTable, plan: PlanTable) -> StrengthOption:
     return StrengthOption(line, factor, table.cost, table.life_years or plan.life_years)
 
 
-def strengths(options: Iterable[StrengthOption | UnitOption]) -> list[StrengthOption]:
+def strengths(options: Iterable[StrengthOption | Built]) -> list[StrengthOption]:
     """Those of lines alone."""
     return [option for option in options if isinstance(option, StrengthOption)]

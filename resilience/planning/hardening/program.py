@@ -24,13 +24,13 @@ from resilience.models.language.tree import Tree
 from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import StrengthDraws, StrengthOption
-from resilience.planning.hardening.sites import UnitOption, outputs, sited_of, with_units
+from resilience.planning.hardening.sites import Built, UnitOption, outputs, sited_of, with_built
 from resilience.planning.two_stage.two_stage import IN, TwoStage
 from resilience.simulation.world import microgrid_with_fallible_lines
 
 BUDGET = "plan.budget"
 STRENGTH = "line.strength"
-Option = StrengthOption | UnitOption
+Option = StrengthOption | Built
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class HardeningProgram:
     Attributes:
         microgrid: the microgrid, its lines open to choice.
         two_stage: the choice, and the storms behind it, each kept once.
-        options: lines to strengthen, then units to build.
+        options: lines to strengthen, then units to build, then ties.
         price: (options,) $ in the objective for each that is built.
         index: (scenarios,) which of the program's storms each is.
     """
@@ -91,7 +91,7 @@ def hardening_program(
 
     Args:
         case: the case.
-        options: lines in the order of the network, then units, see `options_of`.
+        options: lines in the order of the network, then units, then ties, see `options_of`.
         draws: the storms, options of lines as here.
         budget: $ that may be spent.
         price: (options,) $ in the objective for each that is built; nothing if omitted.
@@ -99,9 +99,10 @@ def hardening_program(
         physics: of every storm.
     """
     lines = [option for option in options if isinstance(option, StrengthOption)]
-    units = [option for option in options if isinstance(option, UnitOption)]
+    others = [option for option in options if not isinstance(option, StrengthOption)]
+    units = [option for option in others if isinstance(option, UnitOption)]
     price = np.zeros(len(options)) if price is None else price
-    case = with_units(case, units, undecided=True)
+    case = with_built(case, others, undecided=True)
     microgrid = microgrid_with_fallible_lines(case, draws.scenarios, physics)
     strengthened = _strengthened(lines, price[: len(lines)])
     bare = draws.scenarios.status(microgrid.case.elements)
@@ -110,7 +111,7 @@ def hardening_program(
     tree, slot = _tree(case, weight)
     nodes = distinct.nodes()
     strengthened = replace(strengthened, bare=nodes.bare_of_lines, strong=nodes.strong)
-    sited = sited_of(units, price[len(lines) :])
+    sited = sited_of(others, price[len(lines) :])
     microgrid = replace(microgrid, strengthened=strengthened if lines else None, sited=sited)
     situation = microgrid.situation(
         nodes.up,
@@ -131,7 +132,7 @@ def hardening_program(
     matters = np.zeros((len(weight), two_stage.first.n_states), bool)
     if lines:
         matters[:, initial[STRENGTH]] = distinct.matters
-    if units:
+    if others:
         matters[:, initial[BUILT]] = True
     # With voltages a line that is up ties its ends to each other, which may cost something.
     falls = distinct.falls if physics == "copperplate" else None
@@ -180,7 +181,7 @@ def _choice(microgrid: Microgrid, stage: Stage, options: Sequence[Option]) -> St
         if component is not None:
             component.choose(first)
             of_these = isinstance(component, Sited)
-            costs = [o.cost for o in options if isinstance(o, UnitOption) == of_these]
+            costs = [o.cost for o in options if isinstance(o, StrengthOption) != of_these]
             spent.append((first[name] * np.array(costs)).sum())
     limit = first.data(BUDGET, ("all",), unit="$", about="what may be spent")
     total: Affine = spent[0] if len(spent) == 1 else spent[0] + spent[1]

@@ -46,7 +46,7 @@ class Hardening:
             one; `naive`, the lines most likely to fail; `all`, every line at its strongest and
             every unit.
         fails: probability that the line of an option is down in a storm at all, as it is; NaN of
-            units.
+            units and ties.
         alone: $ of the risk that each option saves alone, on the storms of the plan.
         beside: $ that each saves beside the plan: of the chosen ones what it would cost to leave
             them out, of others what they would save besides.
@@ -125,12 +125,12 @@ class Hardening:
         """
         import pandas as pd
 
-        lines = [o if isinstance(o, StrengthOption) else None for o in self.options]
+        lines = [None if isinstance(o, UnitOption) else o for o in self.options]
         units = [o if isinstance(o, UnitOption) else None for o in self.options]
         return pd.DataFrame(
             {
                 "line": [option and option.line for option in lines],
-                "factor": [np.nan if option is None else option.factor for option in lines],
+                "factor": [getattr(option, "factor", np.nan) for option in lines],
                 "site": [option and option.site for option in units],
                 "kind": [option and option.kind for option in units],
                 "bus": [option and option.unit.bus for option in units],

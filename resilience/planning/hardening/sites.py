@@ -1,4 +1,4 @@
-"""Units that may be built before the storm, and the case with some of them."""
+"""Units and ties that may be built before the storm, and the case with some of them."""
 
 from __future__ import annotations
 
@@ -48,6 +48,39 @@ class UnitOption:
         return f"{self.kind} at {self.unit.bus}"
 
 
+@dataclass(frozen=True)
+class TieOption:
+    """A switch for an open line, so that it may be closed.
+
+    Attributes:
+        line: its name.
+        cost: $ to build it.
+        life_years: how long it lasts.
+    """
+
+    line: str
+    cost: float
+    life_years: float = 40.0
+
+    @property
+    def label(self) -> str:
+        """`tie 8-21`."""
+        return f"tie {self.line}"
+
+
+Built = UnitOption | TieOption
+
+
+def ties_of(case: Case) -> tuple[TieOption, ...]:
+    """All ties that `tie_cost` of `[[line]]` offers."""
+    plan = case.plan or PlanTable()
+    lines = {line.name: line.tie_cost for line in case.line}
+    priced = ((name, lines.get(name)) for name in case.network.line_names)
+    return tuple(
+        TieOption(name, cost, plan.life_years) for name, cost in priced if cost is not None
+    )
+
+
 def units_of(case: Case) -> tuple[UnitOption, ...]:
     """All units that `[[plan.site]]` of a case offers, site by site."""
     plan, options = case.plan or PlanTable(), []
@@ -61,42 +94,51 @@ def units_of(case: Case) -> tuple[UnitOption, ...]:
     return tuple(options)
 
 
-def with_units(case: Case, units: Sequence[UnitOption], *, undecided: bool = False) -> Case:
-    """The case with units built, and no sites any more.
+def with_built(case: Case, built: Sequence[Built], *, undecided: bool = False) -> Case:
+    """The case with units and ties built, and no sites any more.
 
     Args:
         case: without them.
-        units: what is built.
+        built: what is built.
         undecided: storage is empty, and may be, until it is built; see `Sited`.
 
     Raises:
         CaseError: they do not fit into the case: a name that is taken, say.
     """
-    if not units:
+    if not built:
         return case
     by_kind: dict[str, list[DeviceTable]] = defaultdict(list)
-    for option in units:
-        unit = option.unit
-        if undecided and isinstance(unit, ESSTable):
-            unit = unit.model_copy(update={"soc_min": 0.0, "soc_initial": 0.0})
-        by_kind[option.kind].append(unit)
+    for option in built:
+        if isinstance(option, UnitOption):
+            unit = option.unit
+            if undecided and isinstance(unit, ESSTable):
+                unit = unit.model_copy(update={"soc_min": 0.0, "soc_initial": 0.0})
+            by_kind[option.kind].append(unit)
     tables: dict[str, Any] = {kind: (*case.devices[kind], *more) for kind, more in by_kind.items()}
+    ties = {option.line for option in built if isinstance(option, TieOption)}
+    if ties:
+        switch = {"switchable": True, "tie_cost": None}
+        tables["line"] = [
+            line.model_copy(update=switch) if line.name in ties else line for line in case.line
+        ]
     if case.plan is not None:
         tables["plan"] = case.plan.model_copy(update={"site": ()})
     return case.replace(**tables)
 
 
-def sited_of(units: Sequence[UnitOption], price: Floats) -> Sited | None:
-    """The units as what they are in a program of a case in which all of them stand.
+def sited_of(built: Sequence[Built], price: Floats) -> Sited | None:
+    """Units, then ties, as what they are in a program of a case in which all of them stand.
 
     Args:
-        units: in the order of the program.
-        price: (units,) $ in the objective.
+        built: in the order of the program.
+        price: (units and ties,) $ in the objective.
     """
-    if not units:
+    if not built:
         return None
-    follows = np.array([option.number > 1 for option in units])
-    return Sited(tuple(option.unit for option in units), follows, price, np.ones(len(units)))
+    units = [option for option in built if isinstance(option, UnitOption)]
+    ties = tuple(option.line for option in built if isinstance(option, TieOption))
+    follows = np.array([option.number > 1 for option in units], bool)
+    return Sited(tuple(o.unit for o in units), follows, price, np.ones(len(units)), ties)
 
 
 def outputs(case: Case, units: Sequence[UnitOption]) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import pytest
@@ -13,15 +14,13 @@ from resilience.case.load import build_case
 from resilience.case.write import case_text
 from resilience.errors import CaseError, UsageError
 from resilience.planning.hardening.options import options_of, strengths
-from resilience.planning.hardening.sites import units_of, with_units
+from resilience.planning.hardening.sites import ties_of, units_of, with_built
 from tests.fuzz.full_case import stormy_case
 
 FALLIBLE = ("1-2", "2-3", "3-4")
 
 
 def case_with(plan: dict[str, Any], **line: Any) -> Case:
-    import copy
-
     data = copy.deepcopy(stormy_case())
     data["plan"] = plan
     data["line"][0].pop("harden")
@@ -112,7 +111,7 @@ def test_sites_offer_units_after_lines(tmp_path: Any) -> None:
     assert [(o.place, o.cost, o.life_years) for o in units] == [
         ("ess at 2", 5.0, 15.0), ("ess at 2", 5.0, 15.0), ("pv at 3", 3.0, 20.0),
     ]  # fmt: skip
-    built = with_units(case, units)
+    built = with_built(case, units)
     assert [unit.name for unit in built.ess[-2:]] == ["depot 1", "depot 2"]
     # The storm's cloud is over a plant that is built as over those that stand.
     assert {plant.profile for plant in case.pv if plant.profile} >= {built.pv[-1].profile}
@@ -149,3 +148,19 @@ def test_a_site_has_a_name_of_its_own_and_a_kind_that_can_be_built() -> None:
     unit = {"bus": "2", "p_max_mw": 0.4, "p_min_mw": 0.1}
     with pytest.raises(CaseError, match="needs_commitment"):
         case_with({"site": [SITE | {"kind": "generator", "unit": unit}]})
+
+
+def test_a_tie_is_an_open_line_without_a_switch() -> None:
+    tie = {"from": "2", "to": "4", "r_ohm": 0.8, "x_ohm": 0.5, "in_service": False}
+    data = copy.deepcopy(stormy_case())
+    data["network"]["line"].append(tie)
+    data["line"].append({"name": "2-4", "tie_cost": 3.0})
+    case = build_case(Document(None, data))
+    (option,) = ties_of(case)
+    assert (option.label, option.cost, option.life_years) == ("tie 2-4", 3.0, 40.0)
+    built = with_built(case, [option]).network
+    assert built.switchable[built.line("2-4")]
+    assert not built.in_service[built.line("2-4")]
+    for name in ("1-2", "4-1"):
+        with pytest.raises(CaseError, match="open line without switch"):
+            case.with_line(name, tie_cost=3.0)

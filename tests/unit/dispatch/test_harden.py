@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -145,3 +146,17 @@ def test_the_command_prints_json() -> None:
 def test_what_cannot_be_is_refused(keys: dict[str, float], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         rs.harden("ieee33_rammasun", **keys)  # type: ignore[arg-type]
+
+
+def test_lines_that_are_switched_want_copperplate_and_stand_beside_strong_ones() -> None:
+    lines = [{"name": "21-8", "in_service": False, "tie_cost": 1.0},
+             {"name": "12-22", "in_service": False, "switchable": True}]  # fmt: skip
+    case = rs.load_case("ieee33_rammasun").replace(line=lines, outages=())
+    common: dict[str, Any] = {"storms": 4, "new_storms": 3, "factor": 1.5, "step_min": 360.0}
+    found = rs.harden(case, 2.0, lines=["12-13", "13-14"], **common)
+    assert [option.label for option in found.options] == ["12-13 x1.5", "13-14 x1.5", "tie 21-8"]
+    assert found.status == "optimal"
+    assert any("ties" in note for note in found.notes)
+    assert found.comparison()["cost"].loc[["all", "nothing"]].is_monotonic_increasing
+    with pytest.raises(UsageError, match="12-22"):
+        rs.harden(case, 2.0, physics="lindistflow", **common)
