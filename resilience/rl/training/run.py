@@ -249,8 +249,11 @@ class Run:
 
         Raises:
             ValidationError: they are none.
+            ValueError: more was done than there is to do.
         """
         training, notes = self.training, TypeAdapter(Notes).validate_python(header.notes)
+        if header.iteration > training.iterations:
+            raise ValueError(f"iteration {header.iteration} of {training.iterations}")
         training.iteration, training.worse = header.iteration, notes.worse
         training.cpu_s, training.first_loss = notes.cpu_s, notes.first_loss
         training.best_cost = math.inf if notes.best_cost is None else notes.best_cost

@@ -168,6 +168,9 @@ def test_another_case_or_schema_or_method_is_refused(
     save(tmp_path / LAST_FILE, tensors, replace(header, schema="elsewhere"))
     with pytest.raises(rs.UsageError, match="trained on observations with the digest elsewhere"):
         Run(case, OPTIONS, tmp_path, resume=True)
+    save(tmp_path / LAST_FILE, tensors, replace(header, iteration=4))
+    with pytest.raises(rs.UsageError, match="iteration 4 of 3"):
+        Run(case, OPTIONS, tmp_path, resume=True)
     save(tmp_path / LAST_FILE, tensors, replace(header, format=header.format + 1))
     with pytest.raises(rs.UsageError, match="has the format"):
         Run(case, OPTIONS, tmp_path, resume=True)
