@@ -164,6 +164,14 @@ CheckCausality = Annotated[
 Schedule = Annotated[
     bool, Option("--schedule", help="Also print what every unit does, hour by hour.")
 ]
+Prices = Annotated[
+    bool,
+    Option(
+        "--prices",
+        help="Also say what a MWh costs: lowest, mean and highest over buses, hour by hour; "
+        "--out has every bus and slot. Not over scenarios.",
+    ),
+]
 DualBound = Annotated[
     bool,
     Option(

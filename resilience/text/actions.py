@@ -13,7 +13,7 @@ from rich.text import Text
 
 from resilience.arrays import Floats, Ints
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
-from resilience.text.grid import grid
+from resilience.text.grid import Column, grid, pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,10 +28,6 @@ MAX_LINES = 40
 MAX_FAILURES = 4
 SCHEDULE_MIN = 60.0
 """Minutes of a row of the schedule."""
-PADDING, EDGES = 3, 5
-"""Letters that a table takes beside those of its columns, for each of them and in all."""
-Column = tuple[str, list[str]]
-"""Head and cells."""
 
 
 def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> RenderableType:
@@ -128,26 +124,8 @@ def schedule(case: Case, tables: Mapping[str, SlotTable], width: int) -> list[Ta
     starts = np.arange(0, slots, per_row)
     stops = np.minimum(starts + per_row, slots)
     times = [when(case, int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
-    room = width - max(map(len, times)) - EDGES
-    pages: list[list[Column]] = [[]]
-    filled = 0
-    for head, cells in _columns(case, tables, starts, stops):
-        needed = max(map(len, [*head.split("\n"), *cells])) + PADDING
-        if filled + needed > room and pages[-1]:
-            pages.append([])
-            filled = 0
-        pages[-1].append((head, cells))
-        filled += needed
-    return [_page(k, times, page) for k, page in enumerate(pages)]
-
-
-def _page(number: int, times: list[str], columns: list[Column]) -> Table:
-    rows = [(time, *(cells[k] for _, cells in columns)) for k, time in enumerate(times)]
-    title = "Schedule: MW are means, fed in is positive; MWh at the end" if number == 0 else ""
-    table = grid(title, rows, "from-to", *(head for head, _ in columns))
-    for column in table.columns:
-        column.no_wrap = True
-    return table
+    title = "Schedule: MW are means, fed in is positive; MWh at the end"
+    return pages(title, ("from-to", times), _columns(case, tables, starts, stops), width)
 
 
 def _columns(
@@ -181,7 +159,7 @@ def _columns(
 
 def _positions(case: Case, tables: Mapping[str, SlotTable], stops: Ints) -> list[Column]:
     """Whether switchable lines are closed at the end of each row."""
-    closed, columns = tables.get("line_closed"), []
+    closed, columns = tables.get("line_closed"), list[Column]()
     if closed is not None:
         for k in np.flatnonzero(case.network.switchable).tolist():
             name = case.network.line_names[k]

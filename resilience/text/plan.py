@@ -17,6 +17,7 @@ from resilience.planning.plan import Plan
 from resilience.planning.records import CertifiedPlan
 from resilience.text.actions import action_list, schedule
 from resilience.text.grid import grid
+from resilience.text.prices import price_table
 from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
@@ -25,13 +26,20 @@ if TYPE_CHECKING:
 MAX_LISTED = 12  # names in a list, before the others are only counted
 
 
-def print_plan(plan: Plan, console: Console, *, with_schedule: bool = False) -> None:
+def print_plan(
+    plan: Plan, console: Console, *, with_schedule: bool = False, with_prices: bool = False
+) -> None:
     """Prints the plan: verdict, what was assumed, what to do, costs, energy, shedding, certificate.
 
     Args:
         plan: the plan.
         console: where to.
         with_schedule: also the powers of every unit, hour by hour.
+        with_prices: also what a MWh costs, hour by hour, with one more solve.
+
+    Raises:
+        UsageError: prices of a plan that was kept without its case.
+        SolverError: no optimum was found in time, and so no prices.
     """
     console.print(_verdict(plan))
     console.print(_assumed(plan))
@@ -40,6 +48,7 @@ def print_plan(plan: Plan, console: Console, *, with_schedule: bool = False) -> 
     for section in (
         *_actions(plan, console.width, with_schedule),
         _money_and_energy(plan, console.width),
+        *_prices(plan, console.width, with_prices),
         _shed(plan),
         Padding(certificate(plan), (0, 0)),
     ):
@@ -89,6 +98,14 @@ def _actions(plan: Plan, width: int, with_schedule: bool) -> list[RenderableType
         return []
     hourly = schedule(plan.case, plan.tables, width) if with_schedule else []
     return [action_list(plan.case, plan.instructions(), "To do"), *hourly]
+
+
+def _prices(plan: Plan, width: int, with_prices: bool) -> list[RenderableType]:
+    """What a MWh costs, if asked for."""
+    if not with_prices:
+        return []
+    rows = plan.price_rows()  # without its case, a plan has none
+    return [] if plan.case is None else [*price_table(plan.case, rows, width)]
 
 
 def _money_and_energy(plan: Plan, width: int) -> RenderableType:
