@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from resilience.arrays import Floats, Ints
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
-from resilience.text.grid import Column, grid, pages
+from resilience.text.grid import Column, pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +33,7 @@ SCHEDULE_MIN = 60.0
 def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> RenderableType:
     """Instructions in time, those of one time and verb on one line."""
     title = Text.assemble((head, "bold"), (": mean MW, and MWh stored at the end", "dim"))
-    lines = action_rows(case, to_do)
+    lines = _instruction_rows(case, to_do)
     rows = Table.grid(padding=(0, 0, 0, 2))
     for time, words in lines[:MAX_LINES]:
         rows.add_row(time, words)
@@ -41,10 +41,29 @@ def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> Renderab
         rows.add_row("nothing: no unit is asked to do anything")
     if len(lines) > MAX_LINES:
         rows.add_row("...", f"and {len(lines) - MAX_LINES} more; plan.actions() has all of them")
+    for time, words in _rest_rows(case, to_do) if lines else ():
+        rows.add_row(time, words)
     return Group(title, rows)
 
 
 def action_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
+    """When and what, a row for the instructions of one time and verb; then which storage rests."""
+    return _instruction_rows(case, to_do) + (_rest_rows(case, to_do) if to_do else [])
+
+
+def _rest_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
+    """Which storage rests whenever no instruction names it, and which always."""
+    busy = {item.unit for item in to_do}
+    names = [
+        name for fleet in in_roles(device_fleets(case).values(), "storage") for name in fleet.names
+    ]
+    idle = [name for name in names if name not in busy]
+    partly = [name for name in names if name in busy]
+    rows = {"other times": partly, "all the time": idle}
+    return [(time, f"rest {', '.join(units)}") for time, units in rows.items() if units]
+
+
+def _instruction_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
     """When and what, a row for the instructions of one time and verb."""
     lines: dict[tuple[int, int, str], list[str]] = {}
     for item in to_do:
@@ -84,26 +103,48 @@ def _number(value: float, largest: float) -> str:
     return text.rstrip("0").rstrip(".") if decimals else text
 
 
-def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
+def failure_tables(
+    case: Case, failures: Sequence[FirstFailure], width: int
+) -> list[RenderableType]:
     """What storage and generators do when certain lines fail first, the likeliest first."""
-    heads, rows = failure_cells(case, failures)
-    more = len(failures) - len(heads)
+    cells = failure_cells(case, failures)
+    more = len(failures) - len(cells.heads)
     title = "If an outage shows: mean MW of the first two hours, fed in is positive"
     title += f" ({more} less likely sets of lines left out)" if more > 0 else ""
-    return grid(title, rows, "first down", *heads)
+    names = [row[0] for row in cells.rows]
+    columns = [(head, [row[k] for row in cells.rows]) for k, head in enumerate(cells.heads, 1)]
+    tables = pages(title, ("first down", names), columns, width)
+    idle = [Text(f"at rest in all of them: {', '.join(cells.idle)}\n")] if cells.idle else []
+    return [*tables, *idle]
 
 
-def failure_cells(
-    case: Case, failures: Sequence[FirstFailure]
-) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Heads of the likeliest failures, and a row per unit with its mean power in each, MW."""
+class FailureCells(NamedTuple):
+    """What is done when lines fail first, as text.
+
+    Attributes:
+        heads: which lines, how likely, and when, of the likeliest failures.
+        rows: a unit and its mean power in each, MW; then what is shed to the end, MWh.
+        idle: units that do nothing in any of them.
+    """
+
+    heads: list[str]
+    rows: list[tuple[str, ...]]
+    idle: list[str]
+
+
+def failure_cells(case: Case, failures: Sequence[FirstFailure]) -> FailureCells:
+    """The likeliest failures, and what every storage and generator does in each."""
     shown = failures[:MAX_FAILURES]
     units = dict.fromkeys(response.unit for failure in shown for response in failure.responses)
     rows = []
     for unit in units:
         means = [_mean(failure, unit) for failure in shown]
         rows.append((unit, *(f"{mean:+.3f}" if abs(mean) >= 5e-4 else "." for mean in means)))
-    return [_head(case, failure) for failure in shown], rows
+    if any(failure.shed_mwh >= 5e-4 for failure in shown):
+        rows.append(("MWh shed", *(f"{failure.shed_mwh:.3f}" for failure in shown)))
+    fleets = in_roles(device_fleets(case).values(), "storage", "dispatchable")
+    idle = [name for fleet in fleets for name in fleet.names if name not in units]
+    return FailureCells([_head(case, failure) for failure in shown], rows, idle)
 
 
 def _mean(failure: FirstFailure, unit: str) -> float:
