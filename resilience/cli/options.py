@@ -79,9 +79,8 @@ Page = Annotated[
 ]
 Export = Annotated[Path | None, Option(help="Also write the model: a .lp, .mps or .nl file.")]
 
-Methods = Annotated[
-    str, Option(help=f"Dispatchers, with commas: {', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN.")
-]
+DISPATCHER_NAMES = f"{', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN"
+Methods = Annotated[str, Option(help=f"Dispatchers, with commas: {DISPATCHER_NAMES}.")]
 Days = Annotated[
     int | None,
     Option(

@@ -298,6 +298,8 @@ def test_a_log_that_was_changed_comes_out_otherwise(tmp_path: Path) -> None:
         assert all(alike(*operator.redone(record)) for record in records)
     records[2]["answer"]["power_mw"]["ess1"] += 1e-6
     log.write_text("".join(json.dumps(r) + "\n" for r in [head, *records]))
+    with Operator(CASE, "rule-0.9") as operator:
+        assert operator.differing(records) == [2]
     with Operator(CASE, "rule-0.9", log=log) as operator:
         (warning,) = operator.warnings
         assert warning.startswith(
