@@ -23,6 +23,7 @@ from resilience.tolerances import AUDIT_TOLERANCE
 if TYPE_CHECKING:
     from resilience.case import Case
 
+WIDEST = 1000  # letters, more than any table takes
 MAX_LISTED = 12  # names in a list, before the others are only counted
 
 
@@ -47,7 +48,7 @@ def print_plan(
         console.print(not_modelled(plan))
     for section in (
         *_actions(plan, console.width, with_schedule),
-        _money_and_energy(plan, console.width),
+        _money_and_energy(plan, console),
         *_prices(plan, console.width, with_prices),
         _shed(plan),
         Padding(certificate(plan), (0, 0)),
@@ -108,16 +109,15 @@ def _prices(plan: Plan, width: int, with_prices: bool) -> list[RenderableType]:
     return [] if plan.case is None else [*price_table(plan.case, rows, width)]
 
 
-def _money_and_energy(plan: Plan, width: int) -> RenderableType:
+def _money_and_energy(plan: Plan, console: Console) -> RenderableType:
     costs = [(name, f"{spent:.4f}") for name, spent in plan.costs.items() if abs(spent) > 5e-5]
     costs.append(("operating cost", f"{plan.operating_cost:.4f}"))
     energy = [(words, f"{abs(plan.energy_mwh[key]):.3f}") for key, words in _energy_words(plan)]
     tables = grid("Cost", costs, "term", "$"), grid("Energy", energy, "", "MWh")
-    if width < 60:
-        return Group(*tables)
     abreast = Table.grid(padding=(0, 4))
     abreast.add_row(*tables)
-    return abreast
+    needed = abreast.__rich_measure__(console, console.options.update(max_width=WIDEST)).maximum
+    return abreast if needed <= console.width else Group(*tables)
 
 
 def _energy_words(plan: Plan) -> list[tuple[str, str]]:

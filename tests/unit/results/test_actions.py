@@ -180,6 +180,25 @@ def test_no_number_of_a_schedule_is_cut_off(width: int) -> None:
     assert text.count("14:00-15:00") == text.count("from-to")
 
 
+@pytest.mark.parametrize("width", [50, 60, 80])
+def test_no_number_of_a_plan_is_cut_off(width: int) -> None:
+    """Costs of thousands of $ stand beside the energy only where both have room."""
+    load = {"p_max_mw": 2.0, "shed_cost_per_mwh": 123456.0}
+    plan = rs.solve(small_case(load=[load], generator=[{"p_max_mw": 1.5}]), "lp")
+    text = shown_plan(plan, width)
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert f"{plan.costs['load.shed']:.4f}" in text
+    side_by_side = any("Cost" in line and "Energy" in line for line in text.splitlines())
+    assert side_by_side == (width > 60)
+
+
+def shown_plan(plan: rs.Plan, width: int) -> str:
+    file = StringIO()
+    print_plan(plan, Console(file=file, width=width))
+    return file.getvalue()
+
+
 def test_a_schedule_has_means_of_hours_and_energy_at_their_end() -> None:
     text = shown(*schedule(ring(), tables(), 140), width=140)
     first = next(line for line in text.splitlines() if "00:00-01:00" in line).split()
