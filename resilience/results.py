@@ -94,7 +94,7 @@ def write_readme(
     target: Path,
     kind: ResultKind,
     files: Mapping[str, str],
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, Mapping[str, str]] | None = None,
 ) -> None:
     """Writes what every file of a result holds, for whoever is handed the folder alone.
 
@@ -102,19 +102,20 @@ def write_readme(
         target: the folder.
         kind: of the result.
         files: name to what is in it, units included.
-        columns: of its main table, likewise.
+        columns: by name of a table, what is in each of its columns, likewise.
     """
     lines = [
         f"# A {kind.name}, written by resilience",
         "",
         "Times are local and say when a slot starts. Powers are means over the slot, and what is",
-        "stored is what is there at its end.",
+        "stored is what is there at its end. Where nothing else is said, a table has a row per",
+        "slot, and a column per device, bus or line, by its name.",
         "",
         *(f"- `{name}`: {meaning}" for name, meaning in files.items()),
     ]
-    if columns:
-        lines += ["", "Columns of `report`:", ""]
-        lines += [f"- `{name}`: {meaning}" for name, meaning in columns.items()]
+    for table, meanings in (columns or {}).items():
+        lines += ["", f"Columns of `{table}`:", ""]
+        lines += [f"- `{name}`: {meaning}" for name, meaning in meanings.items()]
     (target / README_FILE).write_text("\n".join([*lines, ""]), encoding="utf-8")
 
 

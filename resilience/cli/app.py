@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
@@ -26,6 +27,7 @@ from resilience.cli.survive import survive
 from resilience.cli.train import env, export, train
 
 if TYPE_CHECKING:
+    from resilience.errors import ResilienceError
     from resilience.evaluation.compare import Report
     from resilience.planning.plan import Plan
     from resilience.planning.scenario_plan import ScenarioPlan
@@ -73,13 +75,14 @@ def solve(
     html: options.Page = None,
     export: options.Export = None,
     schedule: options.Schedule = False,
+    prices: options.Prices = False,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
 ) -> None:
     """Find the best plan for a case, with a proven bound and an audit."""
     import resilience as rs
     from resilience.files import check_picture
-    from resilience.planning.solve import check_export, export_model, result_kind
+    from resilience.planning.solve import check_export, check_prices, export_model, result_kind
     from resilience.results import check_replaceable
 
     if plot is not None:
@@ -87,6 +90,8 @@ def solve(
     pages.check(html)
     if export is not None:
         check_export(export, method)
+    if prices:
+        check_prices(method)
     if out is not None:
         check_replaceable(out, result_kind(method))
     with terminal.progress(verbose):
@@ -103,7 +108,9 @@ def solve(
             common_slots=common_slots,
             algorithm=algorithm,
         )
-    terminal.show(partial(_print, plan, as_json, schedule))
+        plan, unpriced = _priced(plan) if prices else (plan, None)
+    has_prices = prices and unpriced is None
+    terminal.show(partial(_print, plan, as_json, with_schedule=schedule, with_prices=has_prices))
     terminal.write(
         terminal.Output("tables", out, plan.save),
         terminal.Output("picture", plot, partial(_draw, plan)),
@@ -111,6 +118,19 @@ def solve(
         terminal.Output("model", export, partial(export_model, plan)),
         quiet=as_json,
     )
+    if unpriced is not None:
+        raise unpriced
+
+
+def _priced(plan: Plan | ScenarioPlan) -> tuple[Plan | ScenarioPlan, ResilienceError | None]:
+    """The plan with its prices; where a solver finds none, without, and why."""
+    from resilience.errors import SolverError
+    from resilience.planning.plan import Plan
+
+    try:
+        return plan.with_prices() if isinstance(plan, Plan) else plan, None
+    except SolverError as error:
+        return plan, error
 
 
 def _draw(plan: Plan | ScenarioPlan, path: Path) -> None:
@@ -119,19 +139,28 @@ def _draw(plan: Plan | ScenarioPlan, path: Path) -> None:
     draw_plan(plan, path)
 
 
-def _print(plan: Plan | ScenarioPlan, as_json: bool, with_schedule: bool) -> None:
-    if as_json:
-        typer.echo(json.dumps(plan.summary(), indent=2, allow_nan=False))
-        return
-    from resilience.planning.scenario_plan import ScenarioPlan
+def _print(
+    plan: Plan | ScenarioPlan, as_json: bool, *, with_schedule: bool, with_prices: bool
+) -> None:
+    from resilience.planning.plan import Plan
     from resilience.text.console import plain_console
     from resilience.text.plan import print_plan
     from resilience.text.scenario_plan import print_scenario_plan
 
-    if isinstance(plan, ScenarioPlan):
-        print_scenario_plan(plan, plain_console(), with_schedule=with_schedule)
+    if as_json:
+        summary = plan.summary()
+        if isinstance(plan, Plan) and with_prices:
+            times = [time.isoformat() for time in plan.horizon.times(len(plan.times) + 1)]
+            summary["prices"] = [
+                asdict(row) | {"begins": times[row.begins], "ends": times[row.ends]}
+                for row in plan.price_rows()
+            ]
+        typer.echo(json.dumps(summary, indent=2, allow_nan=False))
+    elif isinstance(plan, Plan):
+        console = plain_console()
+        print_plan(plan, console, with_schedule=with_schedule, with_prices=with_prices)
     else:
-        print_plan(plan, plain_console(), with_schedule=with_schedule)
+        print_scenario_plan(plan, plain_console(), with_schedule=with_schedule)
 
 
 @app.command()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from resilience.cli import options, terminal
-from resilience.dispatch.registry import DISPATCHERS, REFERENCE
+from resilience.dispatch.registry import REFERENCE
 
 if TYPE_CHECKING:
     from resilience.operation.operator import Operator
@@ -24,9 +24,7 @@ USUAL_METHOD = "stochastic"
 
 OperatingMethod = Annotated[
     str,
-    typer.Option(
-        help=f"Who decides: {', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN.", metavar="METHOD"
-    ),
+    typer.Option(help=f"Who decides: {options.DISPATCHER_NAMES}.", metavar="METHOD"),
 ]
 LogFile = Annotated[
     Path, typer.Option(help="Every decision with its inputs, a line each; it is also the memory.")
@@ -190,17 +188,14 @@ def _read_state(path: Path) -> Any:
 def _replayed(operator: Operator, path: Path) -> tuple[str, int]:
     """What comes of a log whose decisions are done again, in words, and the exit code."""
     from resilience.operation.journal import differences, read_journal
-    from resilience.operation.operator import alike
 
     head, records = read_journal(path)
-    label = operator.setting.case.slot_label
     if differing := differences(operator.head, head):
         print(f"note: {path} is the log of another {' and '.join(differing)}", file=sys.stderr)
-    pairs = [operator.redone(record) for record in records]
-    wrong = [earlier for earlier, again in pairs if not alike(earlier, again)]
-    by_rule = sum(earlier.fallback is not None for earlier, _ in pairs)
-    counted = f"{len(pairs)} decisions by {head.get('method')}, {by_rule} of them by the rule"
+    wrong = operator.differing(records)
+    by_rule = sum(record["answer"]["fallback"] is not None for record in records)
+    counted = f"{len(records)} decisions by {head.get('method')}, {by_rule} of them by the rule"
     if not wrong:
         return f"{counted}: all come out as in {path}", 0
-    times = ", ".join(label(answer.slot) for answer in wrong[:10])
+    times = ", ".join(operator.setting.case.slot_label(slot) for slot in wrong[:10])
     return f"{counted}: {len(wrong)} come out otherwise than in {path}, at {times}", 1

@@ -79,9 +79,8 @@ Page = Annotated[
 ]
 Export = Annotated[Path | None, Option(help="Also write the model: a .lp, .mps or .nl file.")]
 
-Methods = Annotated[
-    str, Option(help=f"Dispatchers, with commas: {', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN.")
-]
+DISPATCHER_NAMES = f"{', '.join(DISPATCHERS)}, rule-LEVEL, METHOD:RUN"
+Methods = Annotated[str, Option(help=f"Dispatchers, with commas: {DISPATCHER_NAMES}.")]
 Days = Annotated[
     int | None,
     Option(
@@ -163,6 +162,14 @@ CheckCausality = Annotated[
 ]
 Schedule = Annotated[
     bool, Option("--schedule", help="Also print what every unit does, hour by hour.")
+]
+Prices = Annotated[
+    bool,
+    Option(
+        "--prices",
+        help="Also say what a MWh costs: lowest, mean and highest over buses, hour by hour; "
+        "--out has every bus and slot. Not over scenarios.",
+    ),
 ]
 DualBound = Annotated[
     bool,

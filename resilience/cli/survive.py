@@ -21,8 +21,13 @@ USUAL = "6,12,24,48,72,96,120,168"
 def survive(
     case: options.CaseName,
     durations: Annotated[
-        str, typer.Option(help="Hours without the main grid, with commas.", metavar="HOURS")
-    ] = USUAL,
+        str | None,
+        typer.Option(
+            help=f"Hours without the main grid, with commas; those of {USUAL} that the profiles "
+            "have, if omitted.",
+            metavar="HOURS",
+        ),
+    ] = None,
     method: Annotated[
         str, typer.Option(help="Who dispatches: a name that `compare` knows.")
     ] = REFERENCE,
@@ -49,7 +54,8 @@ def survive(
     if out is not None:
         check_replaceable(out, SURVIVAL)
     with terminal.progress(verbose):
-        survival = rs.survive(case, _hours(durations), method=method, every_h=every_h, seed=seed)
+        hours = None if durations is None else _hours(durations)
+        survival = rs.survive(case, hours, method=method, every_h=every_h, seed=seed)
     terminal.show(partial(_print, survival, as_json))
     terminal.write(
         terminal.Output("tables", out, survival.save),

@@ -46,6 +46,55 @@ FILES = {
 }
 """What is in every file of a report."""
 
+EPISODE_COLUMNS = {
+    "method": "who operates",
+    "episode": "its number, from 0",
+    "probability": "of the episode",
+    "objective": "$ of the whole episode: operating cost less the worth of the energy left",
+    "operating_cost": "$ of the whole episode",
+    "end_energy_mwh": "stored energy left whose worth is credited, MWh",
+    "bound": "$ that the clairvoyant optimum costs",
+    "gap_percent": "(objective - bound) / |bound|, %",
+    "score": "(rule 0.9 - objective) / (rule 0.9 - bound)",
+    "asifi": "interruptions of the average MW",
+    "asidi_h": "hours without supply of the average MW",
+    "ens_mwh": "energy not served, MWh",
+    "weighted_ens_mwh": "the same, each load's energy times its priority",
+    "shed_mw_slots": "MW shed, added up over the slots",
+    "shed_h": "hours in which anything is shed",
+    "shed_slot_share": "share of the slots in which anything is shed",
+    "served_share": "energy served / energy demanded",
+    "critical_served_share": "the same of the critical loads; missing where the case has none",
+    "first_critical_shed_h": "hours until a critical load is first shed; inf: never; likewise",
+    "trapezoid_phi_per_h": "how fast service drops, 1/h",
+    "trapezoid_lambda_share": "how deep, share of the demand",
+    "trapezoid_e_h": "how long it stays there, h",
+    "trapezoid_pi_per_h": "how promptly it comes back, 1/h",
+    "trapezoid_area_h": "share of the demand served, added up over the hours, h",
+    "trapezoid_onset_h": "hours until the drop begins; none without one",
+    "trapezoid_dropped": "whether service drops at all",
+    "trapezoid_restored": "whether it is back before the end",
+}
+DAY_COLUMNS = {
+    "method": "who operates",
+    "episode": "its number, from 0",
+    "day": "its number, from 0",
+    "operating_cost": "$ of the day",
+    "shed_mwh": "energy not served, MWh",
+    "energy_start_mwh": "stored in all units when the day begins, MWh",
+}
+PAIR_COLUMNS = {
+    "method": "who is compared",
+    "other": "with whom",
+    "per_day": "$/day that the method costs more than the other",
+    "low": "lower end of its 95 % interval, $/day",
+    "high": "upper end, $/day",
+    "excludes_zero": "whether the difference is no luck",
+    "carriers": "least number of day-episodes that carry 80 % of it",
+    "few_events": "whether these are few",
+}
+"""Of the tables of a report beside `report` itself."""
+
 
 def save_report(
     judged: Judged, frame: pd.DataFrame, summary: Mapping[str, Any], folder: Path
@@ -78,7 +127,17 @@ def save_report(
         save_trajectories(judged.trajectories, target)
         (target / "case.toml").write_text(case_text(judged.case), encoding="utf-8")
         judged.scenarios.save(target / "scenarios.npz")
-        write_readme(target, COMPARISON, FILES, {**COLUMNS, **AC_COLUMNS})
+        write_readme(
+            target,
+            COMPARISON,
+            FILES,
+            {
+                "report": {**COLUMNS, **AC_COLUMNS},
+                "differences": PAIR_COLUMNS,
+                "per_episode": EPISODE_COLUMNS,
+                "per_day": DAY_COLUMNS,
+            },
+        )
         write_summary(target, COMPARISON, summary)
     return folder
 

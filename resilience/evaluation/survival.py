@@ -226,7 +226,7 @@ class _Starts(World):
 
 def survive(
     case: Case | str | Path,
-    durations_h: Sequence[float] = DURATIONS_H,
+    durations_h: Sequence[float] | None = None,
     *,
     method: str = REFERENCE,
     every_h: float = 1.0,
@@ -236,7 +236,8 @@ def survive(
 
     Args:
         case: a case, its file, or the name of an installed one.
-        durations_h: of the loss of the grid, hours.
+        durations_h: of the loss of the grid, hours; if omitted, those of `DURATIONS_H` that the
+            profiles have.
         method: who dispatches, a name that `compare` knows.
         every_h: hours from one start to the next.
         seed: of the failures of units, drawn anew for every start where the case says that they
@@ -248,8 +249,8 @@ def survive(
             than the longest duration, or a case without loads.
     """
     case = case if isinstance(case, Case) else load_case(case)
-    make, durations = factory_of(method), tuple(sorted({float(d) for d in durations_h}))
-    full_case, slots, every = _checked(case, durations, every_h)
+    make, (full_case, durations, every) = factory_of(method), _checked(case, durations_h, every_h)
+    slots = math.ceil(durations[-1] / full_case.step_h - 1e-9)
     first = np.arange(0, full_case.slots, every)
     island = full_case.replace(slots=slots, grid=[])
     microgrid = Microgrid.build(island, "copperplate")
@@ -279,8 +280,10 @@ def survive(
     )  # fmt: skip
 
 
-def _checked(case: Case, durations: tuple[float, ...], every_h: float) -> tuple[Case, int, int]:
-    """The case over all of its profiles, slots of the longest outage, and from start to start.
+def _checked(
+    case: Case, durations_h: Sequence[float] | None, every_h: float
+) -> tuple[Case, tuple[float, ...], int]:
+    """The case over all of its profiles, durations in order, and slots from start to start.
 
     Raises:
         UsageError: what is asked for is out of range.
@@ -297,6 +300,8 @@ def _checked(case: Case, durations: tuple[float, ...], every_h: float) -> tuple[
         start = times[0].astype("datetime64[s]").item()
         full_case = full_case.replace(start=start, slots=min(len(times), MAX_SLOTS))
     span_h = full_case.slots * full_case.step_h
+    usual = [d for d in DURATIONS_H if full_case.step_h <= d <= span_h]
+    durations = tuple(sorted({float(d) for d in (usual if durations_h is None else durations_h)}))
     wrong = [d for d in durations if not full_case.step_h <= d <= span_h]
     if wrong or not durations:
         raise UsageError(
@@ -310,7 +315,7 @@ def _checked(case: Case, durations: tuple[float, ...], every_h: float) -> tuple[
             f"a start every {every_h:g} h; allowed: a multiple of the slot, {full_case.step_h:g} h",
             hint="1 is usual",
         )
-    return full_case, math.ceil(durations[-1] / full_case.step_h - 1e-9), round(every)
+    return full_case, durations, round(every)
 
 
 def _lasts_h(

@@ -10,11 +10,10 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from resilience.arrays import Floats
 from resilience.case import Case
 from resilience.models.components import in_roles
 from resilience.models.simulator import Decision, Step
-from resilience.operation.present import Present
+from resilience.operation.present import Present, by_name
 from resilience.simulation.slots import Slot
 
 FallbackKind = Literal["late", "failed", "unsound", "clock"]
@@ -140,14 +139,14 @@ def set_points(present: Present, slot: Slot, step: Step) -> SetPoints:
         step: what follows the decision.
     """
     case, fleets = present.setting.case, present.setting.microgrid.fleets.values()
-    values = partial(_flow, present, slot, step)
+    values = partial(present.flow, slot, step)
     power, shed = dict[str, float](), dict[str, float]()
     for fleet in in_roles(fleets, "storage", "dispatchable", "weather", "exchange", "load"):
-        power |= _named(fleet.names, fleet.power(values))
+        power |= by_name(fleet.names, fleet.power(values))
         if fleet.role == "load":
-            shed |= {k: v for k, v in _named(fleet.names, values(fleet.shed)).items() if v > 0.0}
+            shed |= {k: v for k, v in by_name(fleet.names, values(fleet.shed)).items() if v > 0.0}
     energy, soc = _stored(case, step)
-    fuel = {} if step.fuel is None else _named(present.tanks, step.fuel[:, 0])
+    fuel = {} if step.fuel is None else by_name(present.tanks, step.fuel[:, 0])
 
     def switched(state: str) -> dict[str, bool]:
         names = present.labels.get(state, ())
@@ -158,22 +157,12 @@ def set_points(present: Present, slot: Slot, step: Step) -> SetPoints:
     return SetPoints(power, energy, soc, shed, on, closed, fuel)
 
 
-def _flow(present: Present, slot: Slot, step: Step, name: str) -> Floats:
-    """(units,) MW of a flow of the step."""
-    moved = {"ess.charge": step.charge, "ess.discharge": step.discharge}
-    return moved[name][:, 0] if name in moved else present.flow(name, slot, step)
-
-
 def _stored(case: Case, step: Step) -> tuple[dict[str, float], dict[str, float]]:
     """MWh in every storage at the end, and its state of charge."""
     names = [unit.name for unit in case.ess]
     size_mwh = np.array([unit.e_mwh for unit in case.ess])
     energy_mwh = step.energy[:, 0]
-    return _named(names, energy_mwh), _named(names, energy_mwh / size_mwh)
-
-
-def _named(names: Sequence[str], values: Floats) -> dict[str, float]:
-    return {name: float(x) + 0.0 for name, x in zip(names, values, strict=True)}
+    return by_name(names, energy_mwh), by_name(names, energy_mwh / size_mwh)
 
 
 def cut_back(present: Present, decision: Decision, step: Step) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -200,16 +200,21 @@ class Operator:
 
     def _remember(self, records: list[Record]) -> None:
         """Does the decisions of a log again, and keeps what was answered then."""
-        wrong = [
-            self.setting.case.slot_label(answer.slot)
-            for answer, again in map(self.redone, records)
-            if not alike(answer, again)
-        ]
+        wrong = [self.setting.case.slot_label(slot) for slot in self.differing(records)]
         if wrong:
             self.warnings.append(
                 f"{len(wrong)} decisions of the log come out otherwise now, the first at "
                 f"{wrong[0]}: another version of the package or a library made them"
             )
+
+    def differing(self, records: Iterable[Record]) -> list[int]:
+        """Does the decisions of a log again; the slots of those that come out otherwise today.
+
+        Raises:
+            UsageError: a record is none of this case.
+        """
+        pairs = map(self.redone, records)
+        return [answer.slot for answer, again in pairs if not alike(answer, again)]
 
     def redone(self, record: Record) -> tuple[OperatorAnswer, OperatorAnswer]:
         """An answer of a log, and what is decided today; slots in the order of the log.
@@ -251,7 +256,7 @@ class Operator:
         notes += cut_back(self._present, watched.decision, step)
         why = [*self._reasons.of_world(observation, self._since), *watched.why]
         if is_next:
-            self._carried = self._carried.after(observation, step)
+            self._carried = CarriedOver.after(observation, step)
             self._latest = LastDecision(observation, slot, step, watched.fallback is not None)
         return self._answer(observation, slot, watched, why, notes)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from resilience.arrays import Floats
 from resilience.dispatch.window_plan import WindowPlan
 from resilience.models.components import in_roles
 from resilience.models.simulator import Simulator, Step
-from resilience.operation.present import CarriedOver, Present
+from resilience.operation.present import CarriedOver, Present, by_name
 from resilience.simulation.observation import Dispatcher, Observation, parts_of
 from resilience.simulation.setting import Setting
 from resilience.simulation.slots import Slot
@@ -48,15 +49,14 @@ def rolled_out(
     if not isinstance(simulator, Simulator):  # it keeps a basis, which decisions must not share
         simulator = stepper(setting.microgrid)
     present = Present(replace(setting, simulator=simulator))
-    case, up = setting.case, observation.line_up
-    carried = CarriedOver(observation.t, up, step.energy, step.fuel, step.states)
+    case, carried = setting.case, CarriedOver.after(observation, step)
     rows = [_row(present, slot, step)]
     stop = min(observation.t + max(round(ROLLED_OUT_H / case.step_h), 1), case.slots)
-    for t in range(observation.t + 1, stop):
+    for _ in range(observation.t + 1, stop):
         ahead, slot = present.ahead(observation, carried)
         step = present.step(ahead, parts_of(dispatcher.act(ahead)))
         rows.append(_row(present, slot, step))
-        carried = CarriedOver(t, up, step.energy, step.fuel, step.states)
+        carried = CarriedOver.after(ahead, step)
     first = np.arange(observation.t, stop)
     n = len(case.ess)
     table = np.array(rows).T
@@ -80,11 +80,7 @@ def rolled_out(
 
 def _row(present: Present, slot: Slot, step: Step) -> Floats:
     """(2 units + 4,) energy, storage power, and generators, weather, grid and shedding in all."""
-    fleets = present.setting.microgrid.fleets.values()
-
-    def values(name: str) -> Floats:
-        return present.flow(name, slot, step)
-
+    fleets, values = present.setting.microgrid.fleets.values(), partial(present.flow, slot, step)
     totals = [
         sum(float(fleet.power(values).sum()) for fleet in in_roles(fleets, role))
         for role in ("dispatchable", "weather", "exchange")
@@ -101,10 +97,10 @@ def plan_summary(plan: WindowPlan, setting: Setting) -> list[dict[str, Any]]:
         {
             "begins": window.time(int(plan.first[k])).isoformat(),
             "ends": window.time(int(plan.stop[k])).isoformat(),
-            "energy_mwh": _by_name(plan.units, plan.energy_mwh[:, k]),
+            "energy_mwh": by_name(plan.units, plan.energy_mwh[:, k]),
             "lowest_mwh": float(plan.lowest_mwh[k]),
             "highest_mwh": float(plan.highest_mwh[k]),
-            "storage_mw": _by_name(plan.units, plan.storage_mw[:, k]),
+            "storage_mw": by_name(plan.units, plan.storage_mw[:, k]),
             "generator_mw": float(plan.generator_mw[k]),
             "weather_mw": float(plan.weather_mw[k]),
             "grid_mw": float(plan.grid_mw[k]),
@@ -112,7 +108,3 @@ def plan_summary(plan: WindowPlan, setting: Setting) -> list[dict[str, Any]]:
         }
         for k in steps
     ]
-
-
-def _by_name(names: tuple[str, ...], values: Floats) -> dict[str, float]:
-    return {name: float(x) for name, x in zip(names, values, strict=True)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -40,9 +40,10 @@ class CarriedOver:
         up = np.ones((len(setting.case.elements), 1), bool)
         return cls(-1, up, setting.start(), setting.start_fuel(), setting.start_states())
 
-    def after(self, observation: Observation, step: Step) -> CarriedOver:
+    @classmethod
+    def after(cls, observation: Observation, step: Step) -> CarriedOver:
         """What is carried on from a slot that was decided."""
-        return CarriedOver(observation.t, observation.line_up, step.energy, step.fuel, step.states)
+        return cls(observation.t, observation.line_up, step.energy, step.fuel, step.states)
 
 
 class Present:
@@ -156,8 +157,11 @@ class Present:
         )
         return complete, slot
 
-    def flow(self, name: str, slot: Slot, step: Step) -> Floats:
-        """(devices,) a variable of the sources in a step, or a datum of its slot."""
+    def flow(self, slot: Slot, step: Step, name: str) -> Floats:
+        """(devices,) MW of a flow in a step, or a datum of its slot."""
+        moved = {"ess.charge": step.charge, "ess.discharge": step.discharge}
+        if name in moved:
+            return moved[name][:, 0]
         if name not in self._rows:
             columns = enumerate(self.simulator.columns)
             self._rows[name] = [k for k, column in columns if column.startswith(name + "[")]
@@ -167,3 +171,8 @@ class Present:
     def step(self, observation: Observation, decision: Decision) -> Step:
         """What a decision leads to, as simulated."""
         return stepped(self.simulator, observation, decision)
+
+
+def by_name(names: Sequence[str], values: Floats) -> dict[str, float]:
+    """Values (units,) as plain numbers, by the names of the units."""
+    return {name: float(x) + 0.0 for name, x in zip(names, values, strict=True)}

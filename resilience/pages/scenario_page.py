@@ -28,7 +28,7 @@ def scenario_page(plan: ScenarioPlan) -> str:
     case = case_of(plan)
     slots = plan.tables["power"].values.shape[1]
     charts = plan_charts(case, plan.tables) | _over_time(plan, case)
-    heads, failures = failure_cells(case, first_failures(plan))
+    failures = failure_cells(case, first_failures(plan))
     drawn = {
         "times": times(case.window, slots),
         "charts": {key: chart.data() for key, chart in charts.items()},
@@ -44,8 +44,9 @@ def scenario_page(plan: ScenarioPlan) -> str:
         verdict=_verdict(plan),
         tiles=_tiles(plan),
         actions=action_rows(case, plan.instructions()),
-        failure_heads=[_two_lines(head) for head in heads],
-        failures=failures,
+        failure_heads=[_two_lines(head) for head in failures.heads],
+        failures=failures.rows,
+        resting=failures.idle,
         outcomes=over_scenarios(plan),
         certificate=certificate_rows(plan),
         assumptions=[

@@ -46,6 +46,7 @@ class FirstFailure:
         probability: of it.
         earliest, latest: slots between which 90 % of them begin.
         responses: of storage and generators that do anything.
+        shed_mwh: on average over these scenarios, to the end of the horizon.
     """
 
     lines: tuple[str, ...]
@@ -53,6 +54,7 @@ class FirstFailure:
     earliest: int
     latest: int
     responses: tuple[UnitResponse, ...]
+    shed_mwh: float
 
 
 def first_failures(plan: ScenarioPlan) -> list[FirstFailure]:
@@ -91,7 +93,8 @@ def _failure(
                 low, high = _quantiles(mw, share)
                 responses.append(UnitResponse(name, float(share @ mw), low, high))
     earliest, latest = _quantiles(leaves[members].astype(float), share)
-    return FirstFailure(lines, total, int(earliest), int(latest), tuple(responses))
+    shed_mwh = float(share @ np.asarray(plan.episodes["shed_mwh"], float)[members])
+    return FirstFailure(lines, total, int(earliest), int(latest), tuple(responses), shed_mwh)
 
 
 def _begins(leaves: Ints, members: Ints) -> list[tuple[int, int]]:

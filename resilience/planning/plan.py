@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
     from resilience.case import Case
     from resilience.models.microgrid import Physics
+    from resilience.planning.reading.prices import PriceRow
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -161,6 +162,18 @@ class Plan(CertifiedPlan):
             SolverError: no optimum was found in time.
         """
         return replace(self, tables={**self.tables, **self._prices})
+
+    def price_rows(self) -> list[PriceRow]:
+        """The prices in short, a row per hour: the lowest, mean and highest over the buses.
+
+        Raises:
+            UsageError: the plan was kept without its case.
+            SolverError: no optimum was found in time.
+        """
+        from resilience.planning.reading.prices import HOUR_MIN, price_rows
+
+        tables = self.tables if "bus_price" in self.tables else self._prices
+        return price_rows(tables, max(round(HOUR_MIN / self.step_min), 1))
 
     @cached_property
     def _prices(self) -> dict[str, SlotTable]:

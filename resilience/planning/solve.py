@@ -225,6 +225,19 @@ def check_export(path: Path, method: str) -> None:
     check_file(path)
 
 
+def check_prices(method: str) -> None:
+    """Refuses to look for prices of a plan over scenarios before anything is solved.
+
+    Raises:
+        UsageError: such a method, or an unknown one.
+    """
+    if _is_over_scenarios(method, {}):
+        raise UsageError(
+            f"a plan over scenarios, as by method {method}, has no prices: they differ in each",
+            hint="ask for those of a single storm: --method lp with its outages",
+        )
+
+
 def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
     """Writes the model behind a plan as LP, MPS or NL, by the suffix of `path`.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -13,7 +13,7 @@ from rich.text import Text
 
 from resilience.arrays import Floats, Ints
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
-from resilience.text.grid import grid
+from resilience.text.grid import Column, pages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,16 +28,12 @@ MAX_LINES = 40
 MAX_FAILURES = 4
 SCHEDULE_MIN = 60.0
 """Minutes of a row of the schedule."""
-PADDING, EDGES = 3, 5
-"""Letters that a table takes beside those of its columns, for each of them and in all."""
-Column = tuple[str, list[str]]
-"""Head and cells."""
 
 
 def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> RenderableType:
     """Instructions in time, those of one time and verb on one line."""
     title = Text.assemble((head, "bold"), (": mean MW, and MWh stored at the end", "dim"))
-    lines = action_rows(case, to_do)
+    lines = _instruction_rows(case, to_do)
     rows = Table.grid(padding=(0, 0, 0, 2))
     for time, words in lines[:MAX_LINES]:
         rows.add_row(time, words)
@@ -45,10 +41,29 @@ def action_list(case: Case, to_do: Sequence[Instruction], head: str) -> Renderab
         rows.add_row("nothing: no unit is asked to do anything")
     if len(lines) > MAX_LINES:
         rows.add_row("...", f"and {len(lines) - MAX_LINES} more; plan.actions() has all of them")
+    for time, words in _rest_rows(case, to_do) if lines else ():
+        rows.add_row(time, words)
     return Group(title, rows)
 
 
 def action_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
+    """When and what, a row for the instructions of one time and verb; then which storage rests."""
+    return _instruction_rows(case, to_do) + (_rest_rows(case, to_do) if to_do else [])
+
+
+def _rest_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
+    """Which storage rests whenever no instruction names it, and which always."""
+    busy = {item.unit for item in to_do}
+    names = [
+        name for fleet in in_roles(device_fleets(case).values(), "storage") for name in fleet.names
+    ]
+    idle = [name for name in names if name not in busy]
+    partly = [name for name in names if name in busy]
+    rows = {"other times": partly, "all the time": idle}
+    return [(time, f"rest {', '.join(units)}") for time, units in rows.items() if units]
+
+
+def _instruction_rows(case: Case, to_do: Sequence[Instruction]) -> list[tuple[str, str]]:
     """When and what, a row for the instructions of one time and verb."""
     lines: dict[tuple[int, int, str], list[str]] = {}
     for item in to_do:
@@ -88,26 +103,48 @@ def _number(value: float, largest: float) -> str:
     return text.rstrip("0").rstrip(".") if decimals else text
 
 
-def failure_table(case: Case, failures: Sequence[FirstFailure]) -> Table:
+def failure_tables(
+    case: Case, failures: Sequence[FirstFailure], width: int
+) -> list[RenderableType]:
     """What storage and generators do when certain lines fail first, the likeliest first."""
-    heads, rows = failure_cells(case, failures)
-    more = len(failures) - len(heads)
+    cells = failure_cells(case, failures)
+    more = len(failures) - len(cells.heads)
     title = "If an outage shows: mean MW of the first two hours, fed in is positive"
     title += f" ({more} less likely sets of lines left out)" if more > 0 else ""
-    return grid(title, rows, "first down", *heads)
+    names = [row[0] for row in cells.rows]
+    columns = [(head, [row[k] for row in cells.rows]) for k, head in enumerate(cells.heads, 1)]
+    tables = pages(title, ("first down", names), columns, width)
+    idle = [Text(f"at rest in all of them: {', '.join(cells.idle)}\n")] if cells.idle else []
+    return [*tables, *idle]
 
 
-def failure_cells(
-    case: Case, failures: Sequence[FirstFailure]
-) -> tuple[list[str], list[tuple[str, ...]]]:
-    """Heads of the likeliest failures, and a row per unit with its mean power in each, MW."""
+class FailureCells(NamedTuple):
+    """What is done when lines fail first, as text.
+
+    Attributes:
+        heads: which lines, how likely, and when, of the likeliest failures.
+        rows: a unit and its mean power in each, MW; then what is shed to the end, MWh.
+        idle: units that do nothing in any of them.
+    """
+
+    heads: list[str]
+    rows: list[tuple[str, ...]]
+    idle: list[str]
+
+
+def failure_cells(case: Case, failures: Sequence[FirstFailure]) -> FailureCells:
+    """The likeliest failures, and what every storage and generator does in each."""
     shown = failures[:MAX_FAILURES]
     units = dict.fromkeys(response.unit for failure in shown for response in failure.responses)
     rows = []
     for unit in units:
         means = [_mean(failure, unit) for failure in shown]
         rows.append((unit, *(f"{mean:+.3f}" if abs(mean) >= 5e-4 else "." for mean in means)))
-    return [_head(case, failure) for failure in shown], rows
+    if any(failure.shed_mwh >= 5e-4 for failure in shown):
+        rows.append(("MWh shed", *(f"{failure.shed_mwh:.3f}" for failure in shown)))
+    fleets = in_roles(device_fleets(case).values(), "storage", "dispatchable")
+    idle = [name for fleet in fleets for name in fleet.names if name not in units]
+    return FailureCells([_head(case, failure) for failure in shown], rows, idle)
 
 
 def _mean(failure: FirstFailure, unit: str) -> float:
@@ -128,26 +165,8 @@ def schedule(case: Case, tables: Mapping[str, SlotTable], width: int) -> list[Ta
     starts = np.arange(0, slots, per_row)
     stops = np.minimum(starts + per_row, slots)
     times = [when(case, int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
-    room = width - max(map(len, times)) - EDGES
-    pages: list[list[Column]] = [[]]
-    filled = 0
-    for head, cells in _columns(case, tables, starts, stops):
-        needed = max(map(len, [*head.split("\n"), *cells])) + PADDING
-        if filled + needed > room and pages[-1]:
-            pages.append([])
-            filled = 0
-        pages[-1].append((head, cells))
-        filled += needed
-    return [_page(k, times, page) for k, page in enumerate(pages)]
-
-
-def _page(number: int, times: list[str], columns: list[Column]) -> Table:
-    rows = [(time, *(cells[k] for _, cells in columns)) for k, time in enumerate(times)]
-    title = "Schedule: MW are means, fed in is positive; MWh at the end" if number == 0 else ""
-    table = grid(title, rows, "from-to", *(head for head, _ in columns))
-    for column in table.columns:
-        column.no_wrap = True
-    return table
+    title = "Schedule: MW are means, fed in is positive; MWh at the end"
+    return pages(title, ("from-to", times), _columns(case, tables, starts, stops), width)
 
 
 def _columns(
@@ -181,7 +200,7 @@ def _columns(
 
 def _positions(case: Case, tables: Mapping[str, SlotTable], stops: Ints) -> list[Column]:
     """Whether switchable lines are closed at the end of each row."""
-    closed, columns = tables.get("line_closed"), []
+    closed, columns = tables.get("line_closed"), list[Column]()
     if closed is not None:
         for k in np.flatnonzero(case.network.switchable).tolist():
             name = case.network.line_names[k]

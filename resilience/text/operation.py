@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from resilience.text.grid import grid
+from resilience.text.grid import Column, grid, pages
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from resilience.operation.answer import OperatorAnswer
 
@@ -42,7 +43,8 @@ def print_answer(answer: OperatorAnswer, plan: Mapping[str, Any], console: Conso
     for line in answer.notes:
         console.print(Text(f"note: {line}", "yellow"), highlight=False)
     if plan["steps"]:
-        console.print(_plan(plan))
+        for table in _plan(plan, console.width):
+            console.print(table)
 
 
 def _rows(answer: OperatorAnswer) -> list[tuple[str, str, str]]:
@@ -61,26 +63,26 @@ def _rows(answer: OperatorAnswer) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _plan(plan: Mapping[str, Any]) -> Any:
-    steps = plan["steps"]
-    rows = []
-    for step in steps[:MAX_STEPS]:
-        times = [datetime.fromisoformat(step[key]) for key in ("begins", "ends")]
-        numbers = (
-            sum(step["storage_mw"].values()), step["generator_mw"], step["grid_mw"],
-            step["shed_mw"],
-        )  # fmt: skip
-        cells = [f"{mw:+.3f}" if abs(mw) > IDLE_MW else "." for mw in numbers]
-        stored = sum(step["energy_mwh"].values())
-        rows.append(
-            (
-                f"{times[0]:%H:%M}-{times[1]:%H:%M}",
-                *cells,
-                f"{stored:.2f}",
-                f"{step['lowest_mwh']:.2f}-{step['highest_mwh']:.2f}",
-            )
-        )
+def _plan(plan: Mapping[str, Any], width: int) -> list[Table]:
+    steps, times = plan["steps"][:MAX_STEPS], list[str]()
+    for step in steps:
+        begins, ends = (datetime.fromisoformat(step[key]) for key in ("begins", "ends"))
+        times.append(f"{begins:%H:%M}-{ends:%H:%M}")
+    powers = {
+        "storage": [sum(step["storage_mw"].values()) for step in steps],
+        "generators": [step["generator_mw"] for step in steps],
+        "grid": [step["grid_mw"] for step in steps],
+        "shed": [step["shed_mw"] for step in steps],
+    }
+    columns: list[Column] = [
+        (f"{head}\nMW", [f"{mw:+.3f}" if abs(mw) > IDLE_MW else "." for mw in values])
+        for head, values in powers.items()
+    ]
+    stored = [f"{sum(step['energy_mwh'].values()):.2f}" for step in steps]
+    range_mwh = [f"{step['lowest_mwh']:.2f}-{step['highest_mwh']:.2f}" for step in steps]
+    columns += [("stored\nMWh", stored), ("least-most\nMWh", range_mwh)]
     of_paths = f", mean of {plan['paths']} paths" if plan["paths"] > 1 else ""
-    heads = ("from-to", "storage\nMW", "generators\nMW", "grid\nMW", "shed\nMW", "stored\nMWh")
-    more = f" ({len(steps) - MAX_STEPS} later steps left out)" if len(steps) > MAX_STEPS else ""
-    return grid(f"Plan of {plan['decided_by']}{of_paths}{more}", rows, *heads, "least-most\nMWh")
+    later = len(plan["steps"]) - len(steps)
+    more = f" ({later} later steps left out)" if later else ""
+    title = f"Plan of {plan['decided_by']}{of_paths}{more}"
+    return pages(title, ("from-to", times), columns, width)

@@ -17,21 +17,30 @@ from resilience.planning.plan import Plan
 from resilience.planning.records import CertifiedPlan
 from resilience.text.actions import action_list, schedule
 from resilience.text.grid import grid
+from resilience.text.prices import price_table
 from resilience.tolerances import AUDIT_TOLERANCE
 
 if TYPE_CHECKING:
     from resilience.case import Case
 
+WIDEST = 1000  # letters, more than any table takes
 MAX_LISTED = 12  # names in a list, before the others are only counted
 
 
-def print_plan(plan: Plan, console: Console, *, with_schedule: bool = False) -> None:
+def print_plan(
+    plan: Plan, console: Console, *, with_schedule: bool = False, with_prices: bool = False
+) -> None:
     """Prints the plan: verdict, what was assumed, what to do, costs, energy, shedding, certificate.
 
     Args:
         plan: the plan.
         console: where to.
         with_schedule: also the powers of every unit, hour by hour.
+        with_prices: also what a MWh costs, hour by hour, with one more solve.
+
+    Raises:
+        UsageError: prices of a plan that was kept without its case.
+        SolverError: no optimum was found in time, and so no prices.
     """
     console.print(_verdict(plan))
     console.print(_assumed(plan))
@@ -39,7 +48,8 @@ def print_plan(plan: Plan, console: Console, *, with_schedule: bool = False) -> 
         console.print(not_modelled(plan))
     for section in (
         *_actions(plan, console.width, with_schedule),
-        _money_and_energy(plan, console.width),
+        _money_and_energy(plan, console),
+        *_prices(plan, console.width, with_prices),
         _shed(plan),
         Padding(certificate(plan), (0, 0)),
     ):
@@ -91,16 +101,23 @@ def _actions(plan: Plan, width: int, with_schedule: bool) -> list[RenderableType
     return [action_list(plan.case, plan.instructions(), "To do"), *hourly]
 
 
-def _money_and_energy(plan: Plan, width: int) -> RenderableType:
+def _prices(plan: Plan, width: int, with_prices: bool) -> list[RenderableType]:
+    """What a MWh costs, if asked for."""
+    if not with_prices:
+        return []
+    rows = plan.price_rows()  # without its case, a plan has none
+    return [] if plan.case is None else [*price_table(plan.case, rows, width)]
+
+
+def _money_and_energy(plan: Plan, console: Console) -> RenderableType:
     costs = [(name, f"{spent:.4f}") for name, spent in plan.costs.items() if abs(spent) > 5e-5]
     costs.append(("operating cost", f"{plan.operating_cost:.4f}"))
     energy = [(words, f"{abs(plan.energy_mwh[key]):.3f}") for key, words in _energy_words(plan)]
     tables = grid("Cost", costs, "term", "$"), grid("Energy", energy, "", "MWh")
-    if width < 60:
-        return Group(*tables)
     abreast = Table.grid(padding=(0, 4))
     abreast.add_row(*tables)
-    return abreast
+    needed = abreast.__rich_measure__(console, console.options.update(max_width=WIDEST)).maximum
+    return abreast if needed <= console.width else Group(*tables)
 
 
 def _energy_words(plan: Plan) -> list[tuple[str, str]]:

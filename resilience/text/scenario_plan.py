@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from rich.console import Console, RenderableType
+from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from resilience.arrays import Floats
@@ -14,8 +14,8 @@ from resilience.models.components import device_fleets, fleet_classes, in_roles
 from resilience.planning.first_failures import first_failures
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_records import Unreduced
-from resilience.text.actions import action_list, failure_table, schedule, when
-from resilience.text.grid import grid
+from resilience.text.actions import action_list, failure_tables, schedule, when
+from resilience.text.grid import grid, pages
 from resilience.text.plan import certificate, not_modelled, percent
 
 MAX_SCHEDULE_ROWS = 12  # more would not be read
@@ -37,7 +37,7 @@ def print_scenario_plan(
     proof = certificate(plan, " in every scenario", f"{plan.algorithm}; ")
     for section in (
         *_actions(plan, console.width, with_schedule),
-        _schedule(plan),
+        _schedule(plan, console.width),
         grid("Over scenarios", over_scenarios(plan), "", ""),
         proof,
     ):
@@ -53,7 +53,7 @@ def _actions(plan: ScenarioPlan, width: int, with_schedule: bool) -> list[Render
         action_list(plan.case, plan.instructions(), "To do until an outage shows")
     ]
     if failures := first_failures(plan):
-        sections.append(failure_table(plan.case, failures))
+        sections.append(Group(*failure_tables(plan.case, failures, width)))
     hourly = schedule(plan.case, plan.tables, width) if with_schedule else []
     return [*sections, *hourly]
 
@@ -84,7 +84,7 @@ def over_all(over_all: Unreduced) -> str:
     )
 
 
-def _schedule(plan: ScenarioPlan) -> RenderableType:
+def _schedule(plan: ScenarioPlan, terminal: int) -> RenderableType:
     """The common schedule, in as many steps of equal length as can be read."""
     case, n = plan.case, plan.common_slots
     if case is None:
@@ -105,19 +105,17 @@ def _schedule(plan: ScenarioPlan) -> RenderableType:
     energy = plan.tables.get("energy")
     stored = np.zeros(len(ends)) if energy is None else energy.values.sum(0)[ends]
     staying = plan.tables["staying"].values[0][starts]
-    rows = [
-        (
-            when(case, int(t), int(ends[k]) + 1),
-            *(f"{column[k]:+.3f}" for column in columns),
-            f"{stored[k]:.3f}",
-            f"{100 * staying[k]:.1f}",
-        )
-        for k, t in enumerate(starts)
-    ]
-    heads = ["from-to", *(f"{f.title} MW" for f in shown), "stored at end MWh", "% here"]
+    steps = [(int(t), int(end) + 1) for t, end in zip(starts, ends, strict=True)]
+    cells = [
+        *((f"{f.title}\nMW", [f"{mw:+.3f}" for mw in column])
+          for f, column in zip(shown, columns, strict=True)),
+        ("stored\nMWh", [f"{mwh:.3f}" for mwh in stored]),
+        ("here\n%", [f"{100 * share:.1f}" for share in staying]),
+    ]  # fmt: skip
     hours = n * plan.step_min / 60.0
-    title = f"Common schedule, {hours:g} h: means, fed in is positive"
-    return grid(title, rows, *heads)
+    title = f"Common schedule, {hours:g} h: means fed in; MWh at the end"
+    times = [when(case, *step) for step in steps]
+    return Group(*pages(title, ("from-to", times), cells, terminal))
 
 
 def over_scenarios(plan: ScenarioPlan) -> list[tuple[str, str]]:

@@ -130,3 +130,16 @@ def test_names_are_text(browser: Browser, tmp_path: Path) -> None:
     assert browser.run("return document.querySelector('h1').textContent") == SCRIPT
     assert browser.run("return document.querySelectorAll('main script, main b[title]').length") == 0
     assert browser.out_of_view() == []
+
+
+def test_names_of_pairs_stand_in_one_line_on_a_phone(
+    browser: Browser, pages: dict[str, Path]
+) -> None:
+    browser.open(pages["comparison"], width=390)
+    rows = browser.run(
+        "return [...document.querySelectorAll('table.pairs tbody tr')].map(row => "
+        "[...row.cells].map(cell => [cell.innerText, cell.getBoundingClientRect().height, "
+        "parseFloat(getComputedStyle(cell).lineHeight)]))"
+    )
+    assert "idle less rule-0.9" in [row[0][0] for row in rows]
+    assert all(height < 1.9 * line for row in rows for _, height, line in row)

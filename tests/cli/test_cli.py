@@ -263,3 +263,26 @@ def test_what_of_a_network_is_not_modelled_is_said_by_every_command(tmp_path: Pa
     words = ("--method", "rule", "--outages", tmp_path / "calm.csv", "--json", "--out", blind)
     answer = json.loads(run("solve", case, *words).stdout)
     assert answer["not_modelled"] == rs.load_scenario_plan(blind).not_modelled == parts
+
+
+def test_prices_are_printed_and_written(tiny: Path, tmp_path: Path) -> None:
+    """The diesel gives all it has at 1 $/MWh, and a MWh more of demand would be shed at 10 $."""
+    done = run("solve", tiny, "--method", "lp", "--prices", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert "Prices at buses: means" in done.stdout
+    row = next(line.split() for line in done.stdout.splitlines() if "02:00-03:00" in line)
+    assert row == ["02:00-03:00", "10", "all", "10", "10", "all"]
+    saved = rs.load_plan(tmp_path / "run")
+    assert set(saved.tables["bus_price"]["1"].round(6)) == {10.0}
+    as_json = json.loads(run("solve", tiny, "--method", "lp", "--prices", "--json").stdout)
+    assert [round(hour["mean"], 6) for hour in as_json["prices"]] == [10.0] * 4
+    assert [hour["ends"][11:] for hour in as_json["prices"]][-2:] == ["03:00:00", "04:00:00"]
+    without = run("solve", tiny, "--method", "lp", "--json").stdout
+    assert "prices" not in json.loads(without)
+
+
+def test_a_plan_over_scenarios_has_no_prices(tiny: Path) -> None:
+    done = run("solve", tiny, "--method", "stochastic", "--prices")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "has no prices" in done.stderr
+    assert "hint: ask for those of a single storm" in done.stderr

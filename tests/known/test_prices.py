@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
+from resilience.planning.tables import SlotTable
 from resilience.testing import small_case
 
 GRID: dict[str, Any] = {"import_max_mw": 10.0, "q_max_mvar": 10.0, "import_cost_per_mwh": 40.0}
@@ -190,3 +193,72 @@ def test_prices_are_saved_with_the_plan_and_made_for_one_that_is_read(tmp_path: 
     assert "storage_value" not in priced.tables
     with pytest.raises(rs.UsageError, match="no table 'storage_value'"):
         plan.frame("storage_value")
+
+
+STUB: dict[str, Any] = {
+    "slots": 2,
+    "buses": 4,
+    "lines": [(1, 2, 0.02, 0.03), (2, 3, 0.03, 0.02), (2, 4, 0.04, 0.03)],
+    "line_tables": [{"name": "2-4", "breakpoint": True}],
+    "grid": [GRID | {"v_pu": 1.0}],
+    "load": [{"bus": "2", "p_max_mw": 2.0} | SHED],
+    "pv": [{"bus": "4", "p_max_mw": 0.7, "profile": "sun"}],
+    "profiles": {"sun": [0.0, 0.8]},
+}
+
+
+@pytest.mark.parametrize(
+    ("method", "physics"),
+    [("lp", "lindistflow"), ("lp", "copperplate"), ("socp", "distflow"), ("minlp", "distflow")],
+)
+def test_where_nothing_can_be_taken_a_mwh_more_costs_what_it_does_beside(
+    method: str, physics: str
+) -> None:
+    """At the end of a feeder and behind PV at night no line carries anything, but it could."""
+    plan = rs.solve(small_case(**STUB), method, physics=physics, relative_gap=1e-6)  # type: ignore[call-overload]
+    prices = plan.frame("bus_price")
+    np.testing.assert_allclose(prices["3"], prices["2"], rtol=1e-5)
+    assert prices["4"].iloc[0] == pytest.approx(prices["2"].iloc[0], rel=1e-5)
+    assert (prices["2"] >= 40.0 * (1.0 - 1e-6)).all()
+
+
+def test_prices_in_short_are_those_of_the_table() -> None:
+    """Half hours make rows of an hour: means over slots, then over the buses that are alive."""
+    profiles = {"tariff": [30.0, 50.0, 230.0, 246.0]}
+    plan = plan_of(
+        slots=4,
+        step_min=30.0,
+        buses=3,
+        lines=[(1, 2, 0.001, 0.001, {"rating_mva": 1.0}), (2, 3, 0.001, 0.001)],
+        profiles=profiles,
+        grid=[GRID | {"import_cost_per_mwh": 1.0, "price_profile": "tariff"}],
+        generator=[{"bus": "2", "p_max_mw": 3.0, "cost_per_mwh": 250.0}],
+        load=[{"bus": "2", "p_max_mw": 2.0} | SHED],
+        outages=["2-3@01:00-02:00"],
+    )
+    first, second = plan.price_rows()
+    assert (first.begins, first.ends, second.begins, second.ends) == (0, 2, 2, 4)
+    prices = np.array([(row.lowest, row.mean, row.highest) for row in (first, second)], float)
+    by_hand = np.array([[40.0, 180.0, 250.0], [238.0, 244.0, 250.0]])
+    np.testing.assert_allclose(prices, by_hand, rtol=1e-6)
+    assert [(row.lowest_at, row.highest_at) for row in (first, second)] == [("1", "2")] * 2
+    printed = StringIO()
+    plan.print(file=printed, width=80, with_prices=True)
+    rows = [line.split() for line in printed.getvalue().splitlines() if "-0" in line]
+    assert rows[-2:] == [
+        ["00:00-01:00", "40", "1", "180", "250", "2"],
+        ["01:00-02:00", "238", "1", "244", "250", "2"],
+    ]
+    assert first.storage_low is None
+    assert first.fuel_high is None
+
+
+def test_an_hour_without_any_bus_alive_has_no_price() -> None:
+    unit = {"p_max_mw": 3.0, "cost_per_mwh": 100.0}
+    plan = plan_of(slots=2, generator=[unit], load=[{"p_max_mw": 2.0} | SHED])
+    dark = replace(
+        plan, tables={**plan.tables, "bus_price": SlotTable(("1",), np.array([[np.nan, 100.0]]))}
+    )
+    first, second = dark.price_rows()
+    assert (first.lowest, first.lowest_at, first.mean) == (None, "", None)
+    assert (second.lowest, second.mean, second.highest_at) == (100.0, 100.0, "1")

@@ -51,6 +51,7 @@ a switch they are the most of the horizon.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -67,6 +68,8 @@ from resilience.models.network.situation import Situation
 from resilience.tolerances import INPUT_TOLERANCE
 
 LOSSLESS = 1e-3  # pu in place of no resistance, in the penalty that closes cones
+PRICE_ROOM = 0.01
+"""Of the most that a line can be asked for, what every line may carry where prices are sought."""
 
 
 @dataclass(frozen=True)
@@ -271,6 +274,25 @@ class Lines(LineData):
             "line.back": able * back,
         }
         return data | {"line.l_max": able * l_max} if self.losses else data
+
+    def with_room(self, data: Mapping[str, Floats], situation: Situation) -> dict[str, Floats]:
+        """What of `data` lets every line that is up carry a little more than devices ask of it.
+
+        Towards buses where nothing can be taken, as at the end of a feeder or behind PV at night,
+        lines can be asked to carry nothing at all: what a MWh more would cost there could not be
+        told.
+        """
+        names = "line.forth", "line.back"
+        room = PRICE_ROOM * max(float(data[name].max(initial=0.0)) for name in names)
+        able = data["line.up"]
+        if self.may_be_dark:
+            able = able * situation.alive_at(self.from_bus)
+        more_mva = able * np.minimum(room, self.rating)[:, None]
+        wider = {name: np.maximum(data[name], more_mva) for name in names}
+        if self.losses and self.v_min is not None:
+            more_pu = more_mva / (self.v_min[self.from_bus] / self.tap)[:, None]
+            wider["line.l_max"] = np.maximum(data["line.l_max"], more_pu**2)
+        return wider
 
     def _checkpeaks(self, flow: Floats) -> None:
         peak = np.maximum(*self.peaks[:2])

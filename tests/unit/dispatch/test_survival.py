@@ -181,3 +181,8 @@ def test_the_picture_shows_both_kinds_of_loads() -> None:
     figure = rs.plot_survival(survive(store(), (2, 4)))
     labels = figure.axes[0].get_legend_handles_labels()[1]
     assert labels == ["all loads", "critical loads"]
+
+
+def test_usual_durations_are_those_that_the_profiles_have() -> None:
+    hours = survive(store()).durations_h
+    assert hours == (6.0, 12.0, 24.0)

@@ -8,11 +8,13 @@ import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from resilience.arrays import Floats
 from resilience.dispatch.registry import DISPATCHERS, register_dispatcher
@@ -22,6 +24,7 @@ from resilience.operation.operator import Operator, alike
 from resilience.operation.present import Present
 from resilience.simulation.observation import Observation
 from resilience.simulation.setting import Setting
+from resilience.text.operation import print_answer
 from tests.unit.operation.plant import ERROR, Plant, simulated, storm_case, storm_world
 
 TOLERANCE = 1e-6  # $
@@ -298,6 +301,8 @@ def test_a_log_that_was_changed_comes_out_otherwise(tmp_path: Path) -> None:
         assert all(alike(*operator.redone(record)) for record in records)
     records[2]["answer"]["power_mw"]["ess1"] += 1e-6
     log.write_text("".join(json.dumps(r) + "\n" for r in [head, *records]))
+    with Operator(CASE, "rule-0.9") as operator:
+        assert operator.differing(records) == [2]
     with Operator(CASE, "rule-0.9", log=log) as operator:
         (warning,) = operator.warnings
         assert warning.startswith(
@@ -338,3 +343,18 @@ def test_a_roll_out_is_what_the_rule_goes_on_to_do() -> None:
         plan = operator.plan()
     assert plan is not None
     assert np.abs(plan.energy_mwh - expected.energy[:, 1:, 0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_no_number_of_an_answer_is_cut_off(width: int) -> None:
+    with Operator(CASE, "mpc") as operator:
+        answer, plan = operator.decide(plain(3)), operator.plan_summary()
+    file = StringIO()
+    print_answer(answer, plan, Console(file=file, width=width))
+    text = file.getvalue()
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    first = plan["steps"][0]
+    for number in (sum(first["storage_mw"].values()), first["grid_mw"]):
+        assert f"{number:+.3f}" in text
+    assert f"{first['lowest_mwh']:.2f}-{first['highest_mwh']:.2f}" in text

@@ -12,13 +12,13 @@ from rich.console import Console
 import resilience as rs
 from resilience.case import Case
 from resilience.errors import UsageError
-from resilience.planning.first_failures import first_failures
+from resilience.planning.first_failures import FirstFailure, UnitResponse, first_failures
 from resilience.planning.plan import load_plan
 from resilience.planning.reading.instructions import instructions
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.testing import small_case
-from resilience.text.actions import action_list, mw_range, schedule
+from resilience.text.actions import action_list, action_rows, failure_cells, mw_range, schedule
 from resilience.text.plan import print_plan
 from resilience.text.scenario_plan import print_scenario_plan
 
@@ -154,6 +154,20 @@ def test_the_list_says_who_when_and_how_much() -> None:
     assert shown(action_list(ring(), [], "To do"), width=80).count("nothing") == 1
 
 
+def test_the_list_says_which_storage_rests() -> None:
+    """A unit that is asked for something rests at all other times, one that is not always does."""
+    devices = [{"name": name, "bus": "1", "p_max_mw": 1.0, "e_mwh": 4.0} for name in "abc"]
+    case = small_case(slots=SLOTS, ess=devices, generator=[{"bus": "1", "p_max_mw": 1.0}])
+    idle = [0.0] * SLOTS
+    powers = series(a=[-0.5], b=[0.0, 0.0, 0.7], c=idle, generator1=idle)
+    asked = instructions(case, {"power": powers, "energy": series(a=idle, b=idle, c=idle)})
+    lines = [" ".join(row) for row in action_rows(case, asked)]
+    assert lines[-2:] == ["other times rest a, b", "all the time rest c"]
+    printed = shown(action_list(case, asked, "To do"), width=60).splitlines()
+    assert [" ".join(line.split()) for line in printed[-2:]] == lines[-2:]
+    assert action_rows(case, []) == []
+
+
 @pytest.mark.parametrize("width", [60, 80, 140])
 def test_no_number_of_a_schedule_is_cut_off(width: int) -> None:
     case = rs.load_case("ieee33")
@@ -164,6 +178,25 @@ def test_no_number_of_a_schedule_is_cut_off(width: int) -> None:
     assert all(unit.name in text for unit in case.ess)
     assert all(unit.name in text for unit in case.generator)
     assert text.count("14:00-15:00") == text.count("from-to")
+
+
+@pytest.mark.parametrize("width", [50, 60, 80])
+def test_no_number_of_a_plan_is_cut_off(width: int) -> None:
+    """Costs of thousands of $ stand beside the energy only where both have room."""
+    load = {"p_max_mw": 2.0, "shed_cost_per_mwh": 123456.0}
+    plan = rs.solve(small_case(load=[load], generator=[{"p_max_mw": 1.5}]), "lp")
+    text = shown_plan(plan, width)
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert f"{plan.costs['load.shed']:.4f}" in text
+    side_by_side = any("Cost" in line and "Energy" in line for line in text.splitlines())
+    assert side_by_side == (width > 60)
+
+
+def shown_plan(plan: rs.Plan, width: int) -> str:
+    file = StringIO()
+    print_plan(plan, Console(file=file, width=width))
+    return file.getvalue()
 
 
 def test_a_schedule_has_means_of_hours_and_energy_at_their_end() -> None:
@@ -219,6 +252,41 @@ def test_answers_to_a_first_failure_are_those_of_its_scenarios(stormy: ScenarioP
             assert (response.low_mw, response.high_mw) == pytest.approx((min(means), max(means)))
 
 
+def test_every_storage_and_generator_is_named_when_a_line_fails(stormy: ScenarioPlan) -> None:
+    """With numbers, or as one that rests; and what is shed in the scenarios of the failure."""
+    case, failures = stormy.case, first_failures(stormy)
+    assert case is not None
+    cells = failure_cells(case, failures)
+    named = [row[0] for row in cells.rows if row[0] != "MWh shed"] + cells.idle
+    assert sorted(named) == sorted(unit.name for unit in (*case.ess, *case.generator))
+    leaves = np.asarray(stormy.episodes["leaves_slot"], int)
+    stays = leaves >= case.slots
+    shed, weight = (np.asarray(stormy.episodes[k]) for k in ("shed_mwh", "probability"))
+    within = sum(failure.probability * failure.shed_mwh for failure in failures)
+    assert within + (weight * shed)[stays].sum() == pytest.approx(float(weight @ shed))
+
+
+def test_idle_units_and_shedding_are_told_of_a_failure() -> None:
+    case = small_case(
+        ess=[{"name": name, "bus": "1", "p_max_mw": 1.0, "e_mwh": 4.0} for name in "ab"]
+    )
+    response = UnitResponse("a", -0.25, -0.3, -0.2)
+    likely = FirstFailure(("1-2",), 0.5, 1, 3, (response,), 1.25)
+    cells = failure_cells(case, [likely, FirstFailure(("2-3",), 0.2, 1, 1, (), 0.0)])
+    assert cells.rows == [("a", "-0.250", "."), ("MWh shed", "1.250", "0.000")]
+    assert cells.idle == ["b"]
+
+
+@pytest.mark.parametrize("width", [60, 80])
+def test_no_number_of_a_plan_over_scenarios_is_cut_off(stormy: ScenarioPlan, width: int) -> None:
+    file = StringIO()
+    print_scenario_plan(stormy, Console(file=file, width=width))
+    text = file.getvalue()
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    assert text.count("first down") >= 1
+
+
 def test_both_plans_print_what_to_do(stormy: ScenarioPlan) -> None:
     file = StringIO()
     print_scenario_plan(stormy, Console(file=file, width=80), with_schedule=True)
@@ -226,7 +294,7 @@ def test_both_plans_print_what_to_do(stormy: ScenarioPlan) -> None:
     assert "To do until an outage shows" in text
     assert "If an outage shows: mean MW of the first two hours" in text
     assert "Schedule: MW are means" in text
-    assert "stored at end MWh" in text.replace("\n", " ") or "stored at end" in text
+    assert "MWh at the end" in " ".join(text.split())
     file = StringIO()
     print_plan(rs.solve("ieee33", "lp"), Console(file=file, width=80))
     assert "To do: mean MW" in file.getvalue()

@@ -183,3 +183,7 @@ def test_a_folder_says_what_is_in_it(tmp_path: Path) -> None:
     assert "- `energy.csv, energy.parquet`: MWh stored at the end of the slot" in text
     text = (tmp_path / "report" / "README.md").read_text(encoding="utf-8")
     assert "- `asidi_h_per_day`: hours without supply of the average MW" in text
+    for table in ("report", "differences", "per_episode", "per_day"):
+        named = text.partition(f"Columns of `{table}`:")[2].partition("Columns of")[0]
+        for column in pd.read_parquet(tmp_path / "report" / f"{table}.parquet"):
+            assert f"- `{column}`: " in named, (table, column)
