@@ -107,11 +107,13 @@ def _costs(axis: Axes, hardening: Hardening) -> None:
 
 
 def _frontier(axis: Axes, hardening: Hardening) -> None:
-    table = hardening.frontier_frame()
-    axis.plot(table.index, table["value"], "o-", color=style.METHOD_COLOURS[1], label="best choice")
-    axis.plot(table.index, table["bound"], "_", color=style.METHOD_COLOURS[0], ms=9, label="proven")
+    table, unit = hardening.frontier_frame(), "$" if hardening.years is None else "$ a year"
+    # A budget without end has no place but what is spent of it.
+    budget = np.where(np.isfinite(table.index), table.index, table["spent"])
+    axis.plot(budget, table["value"], "o-", color=style.METHOD_COLOURS[1], label="best choice")
+    axis.plot(budget, table["bound"], "_", color=style.METHOD_COLOURS[0], ms=9, label="proven")
     axis.set_xlabel("budget, $")
-    axis.set_ylabel("objective, $")
+    axis.set_ylabel(f"objective, {unit}")
     axis.set_ylim(bottom=0.0)
     axis.legend(frameon=False)
     style.open_frame(axis)

@@ -108,6 +108,20 @@ def test_a_year_of_storms_from_a_catalogue(tmp_path: Path) -> None:
     assert {"yearly.csv", "by_storm.parquet", "README.md", "case.toml"} <= written
 
 
+def test_any_budget_has_a_place_in_the_picture(tmp_path: Path) -> None:
+    plan = {"storms_per_year": 2.0, "life_years": 10.0,
+            "site": [{"name": "depot", "kind": "ess", "units": 2, "cost": 20.0,
+                      "unit": {"bus": "14", "p_max_mw": 1.0, "e_mwh": 4.0}}]}  # fmt: skip
+    found = rs.harden(
+        base(plan), storms=4, new_storms=3, factor=1.5, cost=40.0, lines=LINES[:1],
+        step_min=180.0, frontier=[20.0],
+    )  # fmt: skip
+    figure = rs.plot_hardening(found, tmp_path / "picture.png")
+    left, right = figure.axes[-1].get_xlim()
+    assert np.isfinite([left, right]).all()
+    assert figure.axes[-1].get_ylabel() == "objective, $ a year"
+
+
 def test_what_is_wrong_with_a_catalogue_is_said() -> None:
     with pytest.raises(CaseError, match="nothing beside"):
         base({"storm": [{"per_year": 1.0}], "storms_per_year": 1.0})
