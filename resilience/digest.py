@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import fields, is_dataclass
+from functools import cache
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -49,3 +51,16 @@ def feed(digest: Digest, value: object, without: Collection[str] = ()) -> None:
             feed(digest, item, without)
     else:
         digest.update(repr(value).encode())
+
+
+@cache
+def code() -> str:
+    """Digest of the sources of this package and of the solver's version."""
+    from importlib.metadata import version
+
+    root, digest = Path(__file__).parent, hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
+    feed(digest, [version(name) for name in ("highspy", "numpy", "scipy")])
+    return digest.hexdigest()

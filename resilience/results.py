@@ -66,7 +66,7 @@ SCENARIO_PLAN = ResultKind("plan over scenarios")
 COMPARISON = ResultKind("comparison", lasting=(PARTS_FOLDER,))
 HAZARD = ResultKind("hazard", mark="hazard.json")
 SURVIVAL = ResultKind("survival")
-HARDENING = ResultKind("choice of what to build")
+HARDENING = ResultKind("choice of what to build", lasting=(PARTS_FOLDER,))
 REPRODUCTION = ResultKind("reproduction", lasting=("*",))
 KINDS = {
     kind.name: kind

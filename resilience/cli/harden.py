@@ -65,7 +65,10 @@ def harden(
     workers: Annotated[
         int | None, typer.Option(help="Threads; numbers do not depend on it.", min=1)
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for summary.json and tables.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder for summary.json and tables; goes on with what is there."),
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Picture: .png, .pdf or .svg.")] = None,
     as_json: options.AsJson = False,
     verbose: options.Verbose = False,
@@ -86,7 +89,7 @@ def harden(
             lines=None if lines is None else _words(lines),
             frontier=() if frontier is None else _numbers(frontier),
             new_storms=new_storms, new_seed=new_seed, shift=shift, physics=physics_name,
-            step_min=step_min, gap=gap, time_limit=time_limit, workers=workers,
+            step_min=step_min, gap=gap, time_limit=time_limit, workers=workers, out=out,
         )  # fmt: skip
     terminal.show(partial(_print, hardening, as_json))
     terminal.write(

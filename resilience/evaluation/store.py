@@ -8,13 +8,11 @@ is damaged, was changed, or stands under the name of another counts as missing.
 
 from __future__ import annotations
 
-import hashlib
 import re
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from resilience.digest import digest_of, feed
+from resilience.digest import code, digest_of
 from resilience.dispatch.registry import DISPATCHERS, Factory
 from resilience.errors import CertificateError, UsageError
 from resilience.evaluation.comparison import check_bound
@@ -89,19 +87,6 @@ def _check_proven(world: World, trajectory: Trajectory) -> None:
         raise CertificateError("the clairvoyant proves no bound", hint=HINT)
     costs = {trajectory.name: trajectory.objective(world.end_value_per_mwh)}
     check_bound(costs, trajectory.proven, case_cost_scale(world.microgrid.case), world.index)
-
-
-@cache
-def code() -> str:
-    """Digest of the sources of this package and of the solver's version."""
-    from importlib.metadata import version
-
-    root, digest = Path(__file__).parents[1], hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
-    feed(digest, [version(name) for name in ("highspy", "numpy", "scipy")])
-    return digest.hexdigest()
 
 
 def _facts(world: World) -> list[object]:

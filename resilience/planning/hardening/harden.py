@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from resilience.errors import UsageError
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.planning.hardening.draws import draw_options
+from resilience.planning.hardening.finished import Finished
 from resilience.planning.hardening.judging import Judge, chances, strongest, worth
 from resilience.planning.hardening.options import options_of, strengths
 from resilience.planning.hardening.program import hardening_program
@@ -23,7 +25,7 @@ from resilience.planning.hardening.season import season_of
 from resilience.planning.hardening.yearly import Years
 from resilience.planning.tables import copperplate_notes
 from resilience.planning.two_stage.lshaped import DecompositionOptions
-from resilience.progress import phase, stopwatch
+from resilience.progress import interruptible, notice, phase, stopwatch
 from resilience.tolerances import SLOT_TOLERANCE
 
 STORMS = 200
@@ -53,6 +55,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
     gap: float = GAP,
     time_limit: float = math.inf,
     workers: int | None = None,
+    out: str | Path | None = None,
 ) -> Hardening:
     """Which lines to strengthen, and which units to build, before the storm.
 
@@ -82,6 +85,8 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
         time_limit: seconds for each budget.
         workers: threads that solve storms; as many as there are cores if omitted. The result does
             not depend on it.
+        out: folder of the result; what is finished is kept in it, and the same call goes on from
+            there. `Hardening.save` writes the result itself.
 
     Raises:
         CaseError: the case has mistakes; all of them are listed.
@@ -113,22 +118,33 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             search = HardeningSearch(
                 program, DecompositionOptions(gap=gap, time_limit=time_limit, workers=threads)
             )
-        fails = chances(options, draws)
-        path = search.greedy(spend)
-        choice = search.best(spend, path[1:])
-        others = [search.best(further, path[1:]) for further in sorted({*map(float, frontier)})]
-        sets = {
-            "nothing": path[0],
-            "plan": choice.chosen,
-            "greedy": path[-1],
-            "naive": search.in_order(np.nan_to_num(fails), spend),
-            "all": strongest(options),
-        }
-        alone, beside = worth(search, choice.chosen)
-        other_seed = seed + SEEDS_APART if new_seed is None else new_seed
-        judge = Judge(planned, season, options, physics, shift)
-        sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
-        uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
+        fails, other_seed = chances(options, draws), seed + SEEDS_APART
+        other_seed = other_seed if new_seed is None else new_seed
+        tracks = [(member.track.name, member.winds) for member in season.storms]
+        finished = Finished(None if out is None else Path(out), [
+            planned, options, tracks, season.share, storms, seed, shift, parsed, physics, years,
+        ])  # fmt: skip
+        judge = Judge(planned, season, options, physics, shift, finished)
+        with interruptible(finished.note):
+            path = finished.sets("greedy", [spend], lambda: search.greedy(spend))
+            choice, *others = (
+                finished.choice(limit, gap, partial(search.best, limit, path[1:]))
+                for limit in (spend, *sorted({*map(float, frontier)}))
+            )
+            sets = {
+                "nothing": path[0],
+                "plan": choice.chosen,
+                "greedy": path[-1],
+                "naive": search.in_order(np.nan_to_num(fails), spend),
+                "all": strongest(options),
+            }
+            alone, beside = finished.arrays(
+                "worth", [choice.chosen], lambda: worth(search, choice.chosen)
+            )
+            sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
+            uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
+        if finished.read:
+            notice(f"{out}: {finished.read} of {finished.kept} parts were there")
     plans = sorted([*others, choice], key=lambda plan: plan.budget)
     return Hardening(
         planned, options, parsed, choice.times(per_year), gap,

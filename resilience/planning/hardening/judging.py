@@ -12,6 +12,7 @@ from resilience.case import Case
 from resilience.models.microgrid import Physics
 from resilience.planning.hardening.draws import StrengthDraws, StrengthOption, drawn_with
 from resilience.planning.hardening.evaluation import StormOutcomes, outcomes_of
+from resilience.planning.hardening.finished import Finished
 from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.search import HardeningSearch
@@ -30,6 +31,7 @@ class Judge:
         options: what could be built.
         physics: of the storms.
         shift: of their draws.
+        finished: where outcomes are kept.
     """
 
     case: Case
@@ -37,20 +39,25 @@ class Judge:
     options: tuple[Option, ...]
     physics: Physics
     shift: float
+    finished: Finished
     _known: dict[tuple[bytes, int, int, bool], StormOutcomes] = field(default_factory=dict)
 
     def outcomes(self, chosen: Bools, n: int, seed: int, *, crews: bool = True) -> StormOutcomes:
         """`n` storms of a draw, with options (options,) built."""
         key = chosen.tobytes(), n, seed, crews
         if key not in self._known:
-            built = [self.options[k] for k in np.flatnonzero(chosen)]
-            lines = strengths(built)
-            others = [option for option in built if not isinstance(option, StrengthOption)]
-            scenarios = drawn_with(self.season, lines, n, seed, self.shift, crews=crews)
-            outcomes = outcomes_of(with_built(self.case, others), scenarios, self.physics)
+            facts = [chosen, n, seed, crews]
+            outcomes = self.finished.outcomes(facts, lambda: self._judged(chosen, n, seed, crews))
             stratum = self.season.storm_of(n) if len(self.season.storms) > 1 else None
             self._known[key] = replace(outcomes, stratum=stratum)
         return self._known[key]
+
+    def _judged(self, chosen: Bools, n: int, seed: int, crews: bool) -> StormOutcomes:
+        built = [self.options[k] for k in np.flatnonzero(chosen)]
+        lines = strengths(built)
+        others = [option for option in built if not isinstance(option, StrengthOption)]
+        scenarios = drawn_with(self.season, lines, n, seed, self.shift, crews=crews)
+        return outcomes_of(with_built(self.case, others), scenarios, self.physics)
 
     def all_outcomes(
         self, sets: Mapping[str, Bools], draws: Sequence[tuple[int, int]]

@@ -12,13 +12,12 @@ import numpy as np
 
 from resilience.case import Case
 from resilience.case.days import held_out
-from resilience.digest import digest_of
+from resilience.digest import code, digest_of
 from resilience.dispatch.registry import POLICY_FILE, REFERENCE, Factory, factory_of
 from resilience.errors import UsageError
 from resilience.evaluation.compare import evaluate
 from resilience.evaluation.comparison import BOUND
 from resilience.evaluation.report import Report
-from resilience.evaluation.store import code
 from resilience.evaluation.verdict import verdict
 from resilience.fragility.draw import sample_case
 from resilience.parts import load_part, save_part

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 import resilience as rs
 from resilience.cli.app import app
 from resilience.errors import UsageError
+from resilience.parts import save_part
 from resilience.planning.hardening.draws import (
     StrengthOption,
     draw_options,
@@ -25,6 +27,7 @@ from resilience.planning.hardening.options import strengths
 from resilience.planning.hardening.report import Hardening
 from resilience.planning.hardening.season import Season, season_of
 from resilience.plots.hardening import plot_hardening
+from resilience.results import PARTS_FOLDER
 from resilience.text.console import plain_console
 from resilience.text.hardening import print_hardening
 
@@ -160,3 +163,55 @@ def test_lines_that_are_switched_want_copperplate_and_stand_beside_strong_ones()
     assert found.comparison()["cost"].loc[["all", "nothing"]].is_monotonic_increasing
     with pytest.raises(UsageError, match="12-22"):
         rs.harden(case, 2.0, physics="lindistflow", **common)
+
+
+def test_an_interrupted_choice_goes_on_and_comes_to_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped after every part in turn, then let go: all figures are those of a run that lived."""
+    whole = chosen(tmp_path / "whole")
+    parts = sorted((tmp_path / "whole" / PARTS_FOLDER).iterdir())
+    assert len(parts) > 6
+    calls = 0
+
+    def once(path: Path, values: object) -> None:
+        nonlocal calls
+        save_part(path, values)
+        calls += 1
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("resilience.planning.hardening.finished.save_part", once)
+        for number in range(len(parts)):
+            with pytest.raises(KeyboardInterrupt, match="the same command goes on"):
+                chosen(tmp_path / "broken")
+            assert calls == number + 1
+    again = chosen(tmp_path / "broken")
+    assert sorted(p.name for p in (tmp_path / "broken" / PARTS_FOLDER).iterdir()) == [
+        part.name for part in parts
+    ]
+    for frame in (Hardening.frame, Hardening.comparison, Hardening.frontier_frame):
+        pd.testing.assert_frame_equal(frame(again), frame(whole), rtol=1e-9)
+
+
+def test_parts_of_something_else_or_damaged_ones_are_not_believed(tmp_path: Path) -> None:
+    chosen(tmp_path)
+    parts = tmp_path / PARTS_FOLDER
+    before = {path: path.read_bytes() for path in parts.iterdir()}
+    chosen(tmp_path, seed=5)
+    assert len(list(parts.iterdir())) > len(before)
+    assert {path: path.read_bytes() for path in before} == before
+    torn = next(path for path in before if path.name.startswith("storms"))
+    torn.write_bytes(before[torn].replace(b"0.", b"1.", 1))
+    chosen(tmp_path)
+    assert {path: path.read_bytes() for path in before} == before
+    chosen(tmp_path).save(tmp_path)
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def chosen(folder: Path, seed: int = 0) -> Hardening:
+    """Which of two lines to strengthen, parts kept in a folder."""
+    return rs.harden(
+        "ieee33_rammasun", 1.0, storms=3, new_storms=2, factor=1.5, lines=LINES[:2],
+        step_min=360.0, frontier=[0.0], seed=seed, out=folder,
+    )  # fmt: skip

@@ -17,11 +17,12 @@ import pytest
 import resilience as rs
 from resilience.arrays import Floats
 from resilience.case.days import held_out
+from resilience.digest import code
 from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Idle
 from resilience.evaluation import runs
 from resilience.evaluation.engines import spread
-from resilience.evaluation.store import Store, code
+from resilience.evaluation.store import Store
 from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.models.microgrid import Microgrid
