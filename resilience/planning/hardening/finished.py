@@ -53,12 +53,14 @@ class Finished:
     def choice(self, budget: float, gap: float, make: Callable[[], Choice]) -> Choice:
         """The choice for a budget; one that is not proven to `gap` is not kept."""
 
-        def made() -> dict[str, Any]:
+        def plain_choice() -> dict[str, Any]:
             choice = make()
             limit = None if np.isinf(budget) else budget
             return asdict(choice) | {"chosen": choice.chosen.tolist(), "budget": limit}
 
-        plain = self._part("choice", [budget, gap], made, keep=lambda values: values["gap"] <= gap)
+        plain = self._part(
+            "choice", [budget, gap], plain_choice, keep=lambda values: values["gap"] <= gap
+        )
         chosen = np.array(plain["chosen"], bool)
         return Choice(**(plain | {"chosen": chosen, "budget": budget}))
 
@@ -67,12 +69,12 @@ class Finished:
     ) -> tuple[Floats, ...]:
         """Arrays of numbers, in which NaN may stand."""
 
-        def made() -> list[list[float | None]]:
+        def plain_arrays() -> list[list[float | None]]:
             return [
                 [None if np.isnan(value) else value for value in array.tolist()] for array in make()
             ]
 
-        plain = self._part(name, facts, made)
+        plain = self._part(name, facts, plain_arrays)
         return tuple(np.array(values, float) for values in plain)
 
     def outcomes(self, facts: Sequence[object], make: Callable[[], StormOutcomes]) -> StormOutcomes:
