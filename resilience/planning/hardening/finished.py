@@ -35,13 +35,13 @@ class Finished:
 
     Attributes:
         read: how many parts were there already.
-        kept: how many are there now.
+        count: how many are there now.
     """
 
     def __init__(self, folder: Path | None, facts: Sequence[object]) -> None:
         self.folder = None if folder is None else folder / PARTS_FOLDER
         self._facts = [] if folder is None else [code(), *facts]
-        self.read = self.kept = 0
+        self.read = self.count = 0
 
     def sets(
         self, name: str, facts: Sequence[object], make: Callable[[], list[Bools]]
@@ -92,7 +92,7 @@ class Finished:
         """What is there, and how to go on; for whoever interrupts."""
         if self.folder is None:
             return "nothing is kept; with --out the same command would go on"
-        return f"{self.kept} parts are in {self.folder.parent}; the same command goes on"
+        return f"{self.count} parts are in {self.folder.parent}; the same command goes on"
 
     def _part(
         self,
@@ -115,5 +115,5 @@ class Finished:
             save_part(path, stored)
         else:
             self.read += 1
-        self.kept += 1
+        self.count += 1
         return stored

@@ -144,7 +144,7 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
             uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
         if finished.read:
-            notice(f"{out}: {finished.read} of {finished.kept} parts were there")
+            notice(f"{out}: {finished.read} of {finished.count} parts were there")
     plans = sorted([*others, choice], key=lambda plan: plan.budget)
     return Hardening(
         planned, options, parsed, choice.times(per_year), gap,
