@@ -82,6 +82,7 @@ MEASURED = {
     "not served, MWh": ("shed_mwh", 1),
     "critical, MWh": ("critical_mwh", 1),
     "critical, h": ("critical_h", 1),
+    "a customer, h": ("customer_h", 2),
     "saved, $": ("saved", 0),
 }
 """By its words, a column of `Hardening.comparison` and the digits to show."""
@@ -96,6 +97,8 @@ def _judged(h: Hardening) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("options", *(f"{row['built']:.0f}" for row in table))]
     for words, (column, digits) in MEASURED.items():
         pairs = [(row[column], row[f"{column}_error"]) for row in table]
+        if np.isnan([value for value, _ in pairs]).all():
+            continue  # nobody knows: no load says how many customers it has
         rows.append((words, *(_with_error(*pair, digits) for pair in pairs)))
     worst = f"worst {100 * (1 - h.risk.alpha):.3g} %, $"
     rows.insert(2, (worst, *(f"{row['cvar']:.0f}" for row in table)))

@@ -174,6 +174,7 @@ def stormy_case() -> dict[str, Any]:
     }  # fmt: skip
     data["load"][0] |= {"profile": "homes", "shed_cost_per_mwh": 900.0}
     data["load"][0] |= {"cold_load_share": 0.5, "cold_load_h": 1.5, "power_factor": 0.95}
+    data["load"][0] |= {"customers": 120}
     data["load"][1] |= {"critical": True, "block": True, "q_mvar": -0.05}
     data["pv"][0] |= {"s_mva": 0.6, "curtailable": True, "cost_per_mwh": 1.0}
     data["ess"][0] |= {"p_min_mw": -0.4, "soc_initial": 0.6, "soc_final_min": 0.2, "s_mva": 0.7,

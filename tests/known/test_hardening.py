@@ -79,6 +79,28 @@ def test_one_line_is_worth_what_it_serves_more_often() -> None:
     assert choice.bound == pytest.approx(choice.value, rel=1e-6)
 
 
+def test_customers_wait_as_long_as_their_loads_are_not_served() -> None:
+    """Ninety are cut off for four hours in half of the storms, ten never; nobody knows of a third.
+
+    A battery serves a quarter of the ninety's load, so a quarter of them.
+    """
+    case = feeder([(1, 2), (1, 3), (1, 4)], {2: 2.0, 3: 1.0, 4: 1.0})
+    loads = [
+        load.model_copy(update={"customers": n})
+        for load, n in zip(case.load, (90, 10, None), strict=True)
+    ]
+    draws = by_storm(
+        case, np.array([[True, False], [False, False], [False, False]]), np.zeros((0, 2), bool),
+        [0.5, 0.5],
+    )  # fmt: skip
+    known = outcomes_of(case.replace(load=loads), draws.scenarios, "copperplate")
+    assert known.mean("customer_h") == pytest.approx(0.5 * 0.9 * HOURS)
+    battery = {"name": "b", "bus": "2", "p_max_mw": 0.5, "e_mwh": 2.0, "soc_initial": 1.0}
+    helped = outcomes_of(case.replace(load=loads, ess=[battery]), draws.scenarios, "copperplate")
+    assert helped.mean("customer_h") == pytest.approx(0.75 * 0.5 * 0.9 * HOURS)
+    assert np.isnan(outcomes_of(case, draws.scenarios, "copperplate").mean("customer_h"))
+
+
 def test_one_of_two_lines_in_series_is_worth_nothing_and_greedy_stops() -> None:
     """1-2 and 2-3 fail together, 1-4 alone in one storm of ten: greedy takes 1-4 and is stuck."""
     case = feeder([(1, 2), (2, 3), (1, 4)], {3: 2.0, 4: 1.0})

@@ -32,6 +32,9 @@ class LoadTable(DeviceTable):
         description="true: reports tell its service apart; where no load is marked, those of a "
         "priority above 1 count",
     )
+    customers: int | None = Field(
+        None, ge=0, le=10_000_000, description="meters behind it; absent: nobody knows"
+    )
     block: bool = Field(False, description="true: served whole or not at all")
     cold_load_share: NonNegative = Field(
         0.0,

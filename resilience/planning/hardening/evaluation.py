@@ -36,6 +36,8 @@ class StormOutcomes:
         shed_mwh: (storms,) energy not served, MWh.
         critical_mwh: (storms,) of critical loads, MWh.
         critical_h: (storms,) hours in which a critical load is not fully served.
+        customer_h: (storms,) hours without supply of a customer, on average; of a load that is
+            served in part, that part of its customers. NaN where no load says how many it has.
         stratum: (storms,) which storm of a catalogue each is a draw of; None: all of the same.
     """
 
@@ -44,6 +46,7 @@ class StormOutcomes:
     shed_mwh: Floats
     critical_mwh: Floats
     critical_h: Floats
+    customer_h: Floats
     stratum: Ints | None = None
 
     def mean(self, name: str) -> float:
@@ -107,13 +110,26 @@ def outcomes_of(case: Case, scenarios: Scenarios, physics: Physics) -> StormOutc
     )
     critical = shed[critical_loads(case)]
     is_unserved = (critical > RELAXATION_TOLERANCE).any(axis=0)
-    cost, shed_mwh, critical_mwh, critical_h = (
+    cost, shed_mwh, critical_mwh, critical_h, customer_h = (
         array[distinct.index]
         for array in (
             second.cost,
             case.step_h * shed.sum(axis=(0, 1)),
             case.step_h * critical.sum(axis=(0, 1)),
             case.step_h * is_unserved.sum(axis=0),
+            _customer_h(case, shed),
         )
     )
-    return StormOutcomes(scenarios.probability, cost, shed_mwh, critical_mwh, critical_h)
+    return StormOutcomes(
+        scenarios.probability, cost, shed_mwh, critical_mwh, critical_h, customer_h
+    )
+
+
+def _customer_h(case: Case, shed: Floats) -> Floats:
+    """(storms,) hours without supply of a customer, from MW shed (loads, slots, storms)."""
+    customers = np.array([load.customers or 0 for load in case.load], float)
+    if not customers.any():
+        return np.full(shed.shape[2], np.nan)
+    demand_mw = np.array([load.p_max_mw * case.profile(load.profile) for load in case.load])
+    share = shed / np.maximum(demand_mw, RELAXATION_TOLERANCE)[:, :, None]
+    return case.step_h * (customers @ share.sum(axis=1)) / customers.sum()

@@ -24,6 +24,8 @@ from resilience.results import PARTS_FOLDER
 
 WITHOUT_EFFECT = {"description", "path", "source", "rebuild"}
 """Fields of a case that nothing depends on."""
+NUMBERS = ("probability", "cost", "shed_mwh", "critical_mwh", "critical_h", "customer_h")
+"""What is kept of storms."""
 
 
 class Finished:
@@ -82,11 +84,10 @@ class Finished:
 
         def arrays() -> list[Floats]:
             storms = make()
-            measures = (storms.cost, storms.shed_mwh, storms.critical_mwh, storms.critical_h)
-            return [storms.probability, *measures]
+            return [getattr(storms, name) for name in NUMBERS]
 
-        probability, cost, shed_mwh, critical_mwh, critical_h = self.arrays("storms", facts, arrays)
-        return StormOutcomes(probability, cost, shed_mwh, critical_mwh, critical_h)
+        values = dict(zip(NUMBERS, self.arrays("storms", facts, arrays), strict=True))
+        return StormOutcomes(**values)
 
     def note(self) -> str:
         """What is there, and how to go on; for whoever interrupts."""

@@ -26,7 +26,7 @@ from resilience.planning.hardening.yearly import Years
 if TYPE_CHECKING:
     import pandas as pd
 
-MEASURES = ("cost", "shed_mwh", "critical_mwh", "critical_h")
+MEASURES = ("cost", "shed_mwh", "critical_mwh", "critical_h", "customer_h")
 
 
 @dataclass(frozen=True, eq=False)

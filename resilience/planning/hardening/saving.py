@@ -19,7 +19,9 @@ TABLES = {
     "life_years; fails, the probability that the line is down in a storm as it is; what it saves "
     "alone and beside the plan, in $ a storm, or $ a year where storms come per year; chosen",
     "sets": f"{SUMS}, on storms that the plan has not seen: options built, means of cost in $, "
-    "shed_mwh, critical_mwh, critical_h, each with its standard error, cvar in $, and the saving",
+    "shed_mwh, critical_mwh, critical_h, customer_h, each with its standard error, cvar in $, "
+    "and the saving; customer_h: hours without supply of a customer, empty where no load says "
+    "how many it has",
     "by_storm": "a row per storm of the catalogue: its share, how many per_year, and $ of one, on "
     "average, with every set built, on storms that the plan has not seen",
     "frontier": "a row per budget in $: spent in $, value and bound of the objective, and what is "
@@ -28,7 +30,7 @@ TABLES = {
     "and what is saved net, with its standard error",
     "draws": "a row per set and storm that was drawn: sample (plan, or new for those that it has "
     "not seen), which storm of the catalogue, probability, cost in $, shed_mwh, critical_mwh, "
-    "critical_h",
+    "critical_h, customer_h",
 }
 """What is in every table."""
 

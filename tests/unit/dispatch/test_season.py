@@ -76,7 +76,7 @@ def test_errors_are_those_of_each_storm_by_itself() -> None:
     cost = np.concatenate([rng.normal(5.0, 1.0, 40), rng.normal(500.0, 2.0, 60)])
     weight = np.concatenate([np.full(40, 0.9 / 40), np.full(60, 0.1 / 60)])
     stratum = np.repeat([0, 1], [40, 60])
-    outcomes = StormOutcomes(weight, cost, cost, cost, cost, stratum)
+    outcomes = StormOutcomes(weight, cost, cost, cost, cost, cost, stratum)
     expected = np.hypot(
         0.9 * cost[:40].std(ddof=1) / np.sqrt(40), 0.1 * cost[40:].std(ddof=1) / np.sqrt(60)
     )
