@@ -14,7 +14,7 @@ from bench.row import Row, below, timed
 from resilience.case import load_case
 from resilience.models.backends.base import Backend, Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.case_program import horizon
 from resilience.models.program.standard import Vectors

@@ -11,7 +11,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
     Deadline,
@@ -23,7 +23,7 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.methods.large import exceeded_discs, first_discs, with_discs
+from resilience.models.methods.large import exceeded_discs, first_bounds, first_discs, with_discs
 from resilience.models.methods.units import RescaledStandard
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
@@ -105,13 +105,16 @@ def relaxation(
     Nothing where no seconds are left for it.
     """
     standard, until_s = program.standard, time.perf_counter() + seconds
-    discs, best = first_discs(standard), NOTHING
+    discs, boxed, best = first_discs(standard), first_bounds(standard), NOTHING
     while (remaining_s := until_s - time.perf_counter()) > 0.0:
-        solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs)
+        solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs, boxed=boxed)
         solver.update(vectors)
         if program.cliques is not None:
             solver.add_rows(*program.cliques.rows)
         solution = solver.solve()
+        if not boxed.all() and (solver.is_beyond or solution == NOTHING):
+            boxed = np.ones_like(boxed)
+            continue
         if solution.z is None:
             return replace(solution, bound=max(solution.bound, best.bound))
         exceeded = exceeded_discs(standard, solution.z, discs)

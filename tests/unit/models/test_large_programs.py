@@ -49,7 +49,7 @@ def rated_feeder(rating_mva: float = 0.72, **more: Any) -> Case:
 
 
 def treat_as_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (linear, tidy):
+    for module in (large, linear, tidy):
         monkeypatch.setattr(module, "LONG_COLUMNS", 0)
     monkeypatch.setattr(large, "FEW_DISCS", 0)
 
