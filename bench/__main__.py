@@ -58,7 +58,6 @@ ONLY_BY_NAME = ("quality",)
 LIBRARIES = (
     "highspy",
     "pyomo",
-    "cvxpy",
     "clarabel",
     "casadi",
     "numpy",

@@ -41,8 +41,8 @@ def skipped(name: str, why: str) -> Row:
     return Row(name, "skipped", "", None, why)
 
 
-def timed(call: Callable[..., T], *arguments: Any) -> tuple[float, T]:
+def timed(call: Callable[..., T], *arguments: Any, **options: Any) -> tuple[float, T]:
     """Seconds, and what the call returned."""
     began = time.perf_counter()
-    result = call(*arguments)
+    result = call(*arguments, **options)
     return time.perf_counter() - began, result

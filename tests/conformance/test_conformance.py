@@ -11,7 +11,7 @@ import pytest
 from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo

@@ -16,7 +16,7 @@ from resilience.dispatch.registry import DISPATCHERS
 from resilience.dispatch.rules import Greedy, Rule
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.pyomo import Pyomo
 from resilience.models.program.standard import Standard, Vectors

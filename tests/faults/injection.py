@@ -13,7 +13,7 @@ from resilience.arrays import Floats
 from resilience.models.backends import base
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.plain import Plain
 from resilience.models.backends.pyomo import Pyomo

@@ -7,7 +7,7 @@ import pytest
 
 from resilience.arrays import Floats
 from resilience.case import Case, load_case
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.methods.answer import worst_violation
 from resilience.testing import small_case
 from tests.known.solving import Solved, power, solved

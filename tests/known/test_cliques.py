@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import resilience as rs
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.program.cliques import Cliques
 from tests.known.solving import solved

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from resilience.models.backends.base import Solution
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower, tangents
 from resilience.models.case_program import CaseProgram, horizon

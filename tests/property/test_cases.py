@@ -10,7 +10,7 @@ from hypothesis import assume, given, note
 
 from resilience.models.backends.base import Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.backends.pyomo import Pyomo

@@ -1,14 +1,15 @@
 """Clarabel without a modelling layer: a cone program in arrays, its bounds changed again and again.
 
-For searches that solve hundreds of small relaxations. What is fixed is substituted, with the rows
-and cones that say nothing else, so that the interior-point method keeps an interior.
+What is fixed is substituted, with the rows and cones that say nothing else, so that the
+interior-point method keeps an interior.
 """
 
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,11 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.backends.base import failures_of
 from resilience.models.program.dual_bound import safe_bound
 from resilience.models.program.standard import Vectors
-from resilience.tolerances import CONFLICT_TOLERANCE
+from resilience.tolerances import CONFLICT_TOLERANCE, RELAXATION_TOLERANCE
 
-NOT_SOLVED = ("PrimalInfeasible", "DualInfeasible", "AlmostPrimalInfeasible")
+INFEASIBLE_STATUS = "PrimalInfeasible"
+NOT_SOLVED = (INFEASIBLE_STATUS, "DualInfeasible", "AlmostPrimalInfeasible")
+BROKEN = (INFEASIBLE_STATUS, None, np.inf)
 
 
 @dataclass(frozen=True)
@@ -35,18 +38,66 @@ class SecondOrderRows:
     matrices: Sequence[sp.csr_array]
     consts: Sequence[Floats]
 
+    def moving(self, free: Bools) -> Bools:
+        """(n,) elements in which a column that is free, (columns,), stands."""
+        moves = free.astype(float)
+        count: Floats = sum(abs(m) @ moves for m in self.matrices)
+        return np.asarray(count > 0.0)
+
+    def short(self, z: Floats) -> Floats:
+        """(n,) by how much t is less than |(x1, x2, ...)| at z, negative where it is more."""
+        t, *xs = [m @ z + c for m, c in zip(self.matrices, self.consts, strict=True)]
+        return np.asarray(np.sqrt(sum(x**2 for x in xs)) - t)
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """What the rows and cones of a program are worth, moved into their cones.
+
+    Attributes:
+        rows: (rows,), of either sign where a row is an equation.
+        cones: per second-order rows (k + 1, n), zero where nothing moves.
+        slope: (columns,) share of the cones in the Lagrangian.
+    """
+
+    rows: Floats
+    cones: list[Floats]
+    slope: Floats
+
 
 @dataclass(frozen=True)
 class ConePoint:
     """What one solve gave.
 
     Attributes:
+        status: Clarabel's word for it.
         z: (columns,) a point of the relaxation to the solver's tolerance; None without one.
         bound: proven, whatever the tolerances; inf where there is no point at all.
+        multipliers: of rows and cones; None without any.
+        beyond: (columns,) where z had to be put back to a bound that the solver was not told; None
+            without a point.
     """
 
+    status: str
     z: Floats | None
     bound: float
+    multipliers: Multipliers | None = None
+    beyond: Bools | None = None
+
+
+@dataclass(frozen=True)
+class _Split:
+    """Which rows are told to Clarabel, and as what.
+
+    Attributes:
+        kinds: rows that are equations, those with an upper side, those with a lower side.
+        n_linear: rows and bounds before the cones.
+        moving: per second-order rows, the elements in which something moves.
+    """
+
+    kinds: tuple[Ints, Ints, Ints]
+    n_linear: int
+    moving: list[Ints]
 
 
 @dataclass(frozen=True)
@@ -57,111 +108,115 @@ class ConeProgram:
         a: (rows, columns).
         numbers: cost, sides, and the widest box.
         cones: the second-order rows.
-        boxed: (columns,) whose bounds the solver has to be told; rows imply those of the others.
+        boxed: (columns,) whose bounds the solver has to be told; rows imply those of the others, or
+            no point comes near them.
+        settings: of Clarabel, by name, where they are not its own.
     """
 
     a: sp.csr_array
     numbers: Vectors
     cones: tuple[SecondOrderRows, ...]
     boxed: Bools
+    settings: Mapping[str, float] = field(default_factory=dict)
 
     @failures_of("Clarabel")
     def solve(self, lower: Floats, upper: Floats, seconds: float) -> ConePoint:
-        """The relaxation within a box, (columns,) each; infeasible is a bound of inf."""
+        """The relaxation within a box, (columns,) each; infeasible is a bound of inf.
+
+        The seconds count from the call on, whatever it takes to state the program.
+        """
         clarabel: Any = importlib.import_module("clarabel")
-        v, free = self.numbers, np.flatnonzero(lower < upper)
-        settled = np.where(lower < upper, 0.0, lower)
+        until_s = time.perf_counter() + seconds
+        is_free = lower < upper
+        free, settled = np.flatnonzero(is_free), np.where(is_free, 0.0, lower)
         a = self.a.tocsc()[:, free].tocsr()
-        offset = self.a @ settled
-        says = np.diff(a.indptr) > 0
-        low, high = v.row_lower - offset, v.row_upper - offset
-        if (np.maximum(low, -high)[~says] > CONFLICT_TOLERANCE).any():
-            return ConePoint(None, np.inf)
-        equal = says & (v.row_lower == v.row_upper)
-        above, below = (says & ~equal & np.isfinite(side) for side in (v.row_upper, v.row_lower))
-        boxed = self.boxed[free]
-        eye = sp.eye_array(len(free), format="csr")[boxed]
-        blocks = [a[equal], a[above], -a[below], eye, -eye]
-        sides = [high[equal], high[above], -low[below], upper[free][boxed], -lower[free][boxed]]
-        n_equal, n_rows = int(equal.sum()), sum(map(len, sides))
-        cones, sizes = self._cones(free, settled)
-        blocks += [block for block, _ in cones]
-        sides += [side for _, side in cones]
+        says, offset = np.diff(a.indptr) > 0, self.a @ settled
+        low, high = self.numbers.row_lower - offset, self.numbers.row_upper - offset
+        moves = [cone.moving(is_free) for cone in self.cones]
+        if (np.maximum(low, -high)[~says] > CONFLICT_TOLERANCE).any() or any(
+            (cone.short(settled)[~moving] > CONFLICT_TOLERANCE).any()
+            for cone, moving in zip(self.cones, moves, strict=True)
+        ):
+            return ConePoint(*BROKEN)
+        equal = says & (low == high)
+        above, below = (says & ~equal & np.isfinite(side) for side in (high, low))
+        eye = sp.eye_array(len(free), format="csr")
+        ceil, floor = (self.boxed[free] & np.isfinite(end[free]) for end in (upper, lower))
+        blocks = [a[equal], a[above], -a[below], eye[ceil], -eye[floor]]
+        sides = [high[equal], high[above], -low[below], upper[free][ceil], -lower[free][floor]]
+        n_equal, n_linear = int(equal.sum()), sum(map(len, sides))
+        kinds = np.flatnonzero(equal), np.flatnonzero(above), np.flatnonzero(below)
+        split = _Split(kinds, n_linear, [np.flatnonzero(moving) for moving in moves])
+        stated = [clarabel.ZeroConeT(n_equal), clarabel.NonnegativeConeT(n_linear - n_equal)]
+        for cone, chosen in zip(self.cones, split.moving, strict=True):
+            block, side = _element_by_element(cone, chosen, free, settled)
+            blocks.append(block)
+            sides.append(side)
+            stated += [clarabel.SecondOrderConeT(len(cone.matrices))] * len(chosen)
+        none = sp.csc_array((len(free), len(free)))
+        cost, stacked = self.numbers.cost[free], sp.vstack(blocks, format="csc")
+        solver = clarabel.DefaultSolver(
+            none, cost, stacked, np.concatenate(sides), stated, self._settings(clarabel)
+        )
+        if np.isfinite(until_s):
+            solver.set_termination_callback(lambda info: time.perf_counter() > until_s)
+        answer = solver.solve()
+        status = str(answer.status)
+        if status in NOT_SOLVED:
+            return ConePoint(status, None, np.inf if status == INFEASIBLE_STATUS else -np.inf)
+        multipliers, bound = self._multipliers(np.asarray(answer.z), split, lower, upper)
+        z = settled.copy()
+        z[free] = answer.x
+        if not np.isfinite(z).all():
+            return ConePoint(status, None, bound, multipliers)
+        inside = np.clip(z, lower, upper)
+        beyond = np.abs(z - inside) > RELAXATION_TOLERANCE * (1.0 + np.abs(inside))
+        return ConePoint(status, inside, bound, multipliers, beyond & ~self.boxed)
+
+    def _settings(self, clarabel: Any) -> Any:
         settings = clarabel.DefaultSettings()
         settings.verbose, settings.max_threads = False, 1
-        settings.time_limit = max(seconds, 1e-3)
-        solver = clarabel.DefaultSolver(
-            sp.csc_array((len(free), len(free))),
-            v.cost[free],
-            sp.vstack(blocks, format="csc"),
-            np.concatenate(sides),
-            [
-                clarabel.ZeroConeT(n_equal),
-                clarabel.NonnegativeConeT(n_rows - n_equal),
-                *[clarabel.SecondOrderConeT(size) for size, n in sizes for _ in range(n)],
-            ],
-            settings,
-        )
-        answer = solver.solve()
-        if str(answer.status) in NOT_SOLVED:
-            return ConePoint(None, np.inf if str(answer.status) == NOT_SOLVED[0] else -np.inf)
-        duals = np.asarray(answer.z)
-        kinds = np.flatnonzero(equal), np.flatnonzero(above), np.flatnonzero(below)
-        bound = self._bound(lower, upper, duals, kinds, n_rows)
-        z = settled.copy()
-        z[free] = np.clip(np.asarray(answer.x), lower[free], upper[free])
-        return ConePoint(z if np.isfinite(z).all() else None, bound)
+        for name, value in self.settings.items():
+            setattr(settings, name, value)
+        return settings
 
-    def _moving(self, cone: SecondOrderRows, lower: Floats, upper: Floats) -> Ints:
-        """Elements in which a column can move."""
-        moves = (lower < upper).astype(float)
-        return np.flatnonzero(sum(abs(m) @ moves for m in cone.matrices) > 0.0)
-
-    def _cones(
-        self, free: Ints, settled: Floats
-    ) -> tuple[list[tuple[sp.csr_array, Floats]], list[tuple[int, int]]]:
-        """Blocks and sides, element after element, and (size, number) of each group."""
-        blocks, sizes = [], []
-        is_free = np.zeros(len(settled))
-        is_free[free] = 1.0
-        for cone in self.cones:
-            rows, size = self._moving(cone, np.zeros(len(settled)), is_free), len(cone.matrices)
-            if not len(rows):
-                continue
-            parts = [m[rows].tocsc()[:, free] for m in cone.matrices]
-            sides = [
-                m[rows] @ settled + c[rows] for m, c in zip(cone.matrices, cone.consts, strict=True)
-            ]
-            order = np.arange(size * len(rows)).reshape(size, len(rows)).T.ravel()
-            stacked = sp.vstack(parts, format="csr")[order]
-            blocks.append((-stacked, np.concatenate(sides)[order]))
-            sizes.append((size, len(rows)))
-        return blocks, sizes
-
-    def _bound(
-        self,
-        lower: Floats,
-        upper: Floats,
-        duals: Floats,
-        kinds: tuple[Ints, Ints, Ints],
-        n_rows: int,
-    ) -> float:
-        """The Lagrangian over the box, for multipliers moved into their cones."""
+    def _multipliers(
+        self, duals: Floats, split: _Split, lower: Floats, upper: Floats
+    ) -> tuple[Multipliers | None, float]:
+        """The solver's multipliers, moved into their cones, and the Lagrangian over the box."""
         if not np.isfinite(duals).all():
-            return -np.inf
+            return None, -np.inf
         rows, first = np.zeros(self.a.shape[0]), 0
-        for chosen, sign in zip(kinds, (1.0, 1.0, -1.0), strict=True):
+        for chosen, sign in zip(split.kinds, (1.0, 1.0, -1.0), strict=True):
             rows[chosen] += sign * duals[first : first + len(chosen)]
             first += len(chosen)
-        slope, offset, first = np.zeros(self.a.shape[1]), 0.0, n_rows
-        for cone in self.cones:
-            chosen, size = self._moving(cone, lower, upper), len(cone.matrices)
-            moved = duals[first : first + size * len(chosen)].reshape(len(chosen), size).T.copy()
-            first += moved.size
+        slope, offset, first = np.zeros(self.a.shape[1]), 0.0, split.n_linear
+        multipliers = []
+        for cone, chosen in zip(self.cones, split.moving, strict=True):
+            size = len(cone.matrices)
+            moved = np.zeros((size, len(cone.consts[0])))
+            stop = first + size * len(chosen)
+            moved[:, chosen] = duals[first:stop].reshape(len(chosen), size).T
+            first = stop
             moved[0] = np.maximum(moved[0], np.linalg.norm(moved[1:], axis=0))
             for m, c, y in zip(cone.matrices, cone.consts, moved, strict=True):
-                slope += m[chosen].T @ y
-                offset += float(c[chosen] @ y)
+                slope += m.T @ y
+                offset += float(c @ y)
+            multipliers.append(moved)
         v = self.numbers
         box = Vectors(v.cost, v.offset, lower, upper, v.row_lower, v.row_upper)
-        return safe_bound(self.a, box, rows, slope, offset)
+        bound = safe_bound(self.a, box, rows, slope, offset)
+        return Multipliers(rows, multipliers, slope), bound
+
+
+def _element_by_element(
+    cone: SecondOrderRows, chosen: Ints, free: Ints, settled: Floats
+) -> tuple[sp.csr_array, Floats]:
+    """Block and sides of some elements, all rows of one before those of the next."""
+    size = len(cone.matrices)
+    parts = [m[chosen].tocsc()[:, free] for m in cone.matrices]
+    sides = [
+        m[chosen] @ settled + c[chosen] for m, c in zip(cone.matrices, cone.consts, strict=True)
+    ]
+    order = np.arange(size * len(chosen)).reshape(size, len(chosen)).T.ravel()
+    return -sp.vstack(parts, format="csr")[order], np.concatenate(sides)[order]

@@ -11,7 +11,7 @@ import numpy as np
 from resilience.arrays import Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import (
     Deadline,
@@ -23,7 +23,14 @@ from resilience.models.methods.answer import (
     worst_violation,
 )
 from resilience.models.methods.explain import infeasible, no_plan
-from resilience.models.methods.large import exceeded_discs, first_discs, with_discs
+from resilience.models.methods.large import (
+    LONG_COLUMNS,
+    exceeded_discs,
+    first_bounds,
+    first_discs,
+    with_discs,
+)
+from resilience.models.methods.powers import with_powers_held
 from resilience.models.methods.units import RescaledStandard
 from resilience.models.program.gate import cost_scale, gap
 from resilience.models.program.standard import Vectors
@@ -105,13 +112,16 @@ def relaxation(
     Nothing where no seconds are left for it.
     """
     standard, until_s = program.standard, time.perf_counter() + seconds
-    discs, best = first_discs(standard), NOTHING
+    discs, boxed, best = first_discs(standard), first_bounds(standard), NOTHING
     while (remaining_s := until_s - time.perf_counter()) > 0.0:
-        solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs)
+        solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs, boxed=boxed)
         solver.update(vectors)
         if program.cliques is not None:
             solver.add_rows(*program.cliques.rows)
         solution = solver.solve()
+        if not boxed.all() and (solver.is_beyond or solution == NOTHING):
+            boxed = np.ones_like(boxed)
+            continue
         if solution.z is None:
             return replace(solution, bound=max(solution.bound, best.bound))
         exceeded = exceeded_discs(standard, solution.z, discs)
@@ -187,6 +197,20 @@ def with_modes_held(program: CaseProgram, solution: Solution, vectors: Vectors) 
     return vectors.fixed(*idle_columns(standard, solution.point, broken)) if broken else vectors
 
 
+def _narrowed(
+    program: CaseProgram, solution: Solution, vectors: Vectors, seconds: Callable[[], float]
+) -> Solution:
+    """A point of the relaxation within narrower bounds, cones closed as far as they can be."""
+    if program.standard.n_columns >= LONG_COLUMNS:
+        same = with_powers_held(program, solution, vectors, seconds())
+        if same.z is not None:
+            return same
+    relaxed = relaxation(program, vectors, seconds=seconds())
+    if relaxed.z is None:
+        return relaxed
+    return with_cones_closed(program, relaxed, vectors, seconds)
+
+
 def with_all_held(
     program: CaseProgram, relaxed: Solution, vectors: Vectors, seconds: Callable[[], float]
 ) -> Solution:
@@ -202,10 +226,7 @@ def with_all_held(
         one_mode = with_modes_held(program, solution, narrowed)
         if one_mode is not narrowed:
             narrowed = one_mode
-            solution = relaxation(program, narrowed, seconds=seconds())
-            if solution.z is None:
-                break
-            solution = with_cones_closed(program, solution, narrowed, seconds)
+            solution = _narrowed(program, solution, narrowed, seconds)
         elif is_off_ac(standard, solution.point):
             solution = ac_point(program, solution.point, narrowed, seconds)
         else:
@@ -240,7 +261,12 @@ def nlp(program: CaseProgram, options: MethodOptions) -> MethodResult:
 
 
 def _ac_plan(program: CaseProgram, relaxed: Solution, deadline: Deadline) -> Solution:
-    """From a point of the relaxation to one of the AC equations that keeps modes, or nothing."""
+    """From a point of the relaxation to one of the AC equations that keeps modes, or nothing.
+
+    Of a large program that is as near to them as the relaxation itself can come, if it can.
+    """
+    if program.standard.n_columns >= LONG_COLUMNS:
+        return with_all_held(program, relaxed, program.vectors, lambda: deadline.final_s)
     start = with_cones_closed(program, relaxed, program.vectors, lambda: deadline.remaining_s)
     point, vectors = start, with_modes_held(program, start, program.vectors)
     while point.z is not None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from resilience.errors import InfeasibleError, ResilienceError, SolverError
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram, horizon

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from resilience.arrays import Bools, Floats
+from resilience.models.program.referee import auxiliary_columns
 from resilience.models.program.standard import Standard
 from resilience.models.structures import Disc
 from resilience.tolerances import RELAXATION_TOLERANCE
@@ -26,6 +27,15 @@ def first_discs(standard: Standard) -> dict[int, Bools]:
     """By the index of every structure of discs, the elements (n,) held at first: all or none."""
     discs = standard.structures_of(Disc).items()
     return {k: np.full(unrolled.n, unrolled.n <= FEW_DISCS) for k, unrolled in discs}
+
+
+def first_bounds(standard: Standard) -> Bools:
+    """(columns,) whose bounds are held at first: of many, not those that are there for solvers."""
+    boxed = np.ones(standard.n_columns, bool)
+    if standard.n_columns >= LONG_COLUMNS:
+        for _, columns in auxiliary_columns(standard):
+            boxed[columns] = False
+    return boxed
 
 
 def exceeded_discs(standard: Standard, z: Floats, discs: Mapping[int, Bools]) -> dict[int, Bools]:

@@ -80,7 +80,7 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
     for structure in standard.structures:
         note(structure.name, structure.violation(z), partial(_element_name, standard, structure))
     if off.max(initial=0.0) <= RELAXATION_TOLERANCE and not _is_relaxed(standard, z):
-        for name, columns in _auxiliary_columns(standard):
+        for name, columns in auxiliary_columns(standard):
             near = _nearness(z[columns], vectors.lower[columns], vectors.upper[columns])
             note(f"auxiliary {name}", near, partial(_column_name, standard, columns))
     return Audit(worst, where)
@@ -93,7 +93,7 @@ def _is_relaxed(standard: Standard, z: Floats) -> bool:
     return any(u.violation(z).max(initial=0.0) > RELAXATION_TOLERANCE for u in flows)
 
 
-def _auxiliary_columns(standard: Standard) -> Iterator[tuple[str, Ints]]:
+def auxiliary_columns(standard: Standard) -> Iterator[tuple[str, Ints]]:
     """Variables with auxiliary bounds, and the columns whose bounds are, stage by stage."""
     for stage in standard.copies:
         for name, chosen in stage.form.stage.auxiliary.items():

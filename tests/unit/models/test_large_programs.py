@@ -15,7 +15,7 @@ from resilience.models.backends.lower import lower
 from resilience.models.backends.node_by_node import node_statuses
 from resilience.models.case_program import horizon, terminal_cuts
 from resilience.models.language.tree import Tree
-from resilience.models.methods import large, linear, tidy
+from resilience.models.methods import conic, large, linear, tidy
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.structures import Disc
@@ -49,7 +49,7 @@ def rated_feeder(rating_mva: float = 0.72, **more: Any) -> Case:
 
 
 def treat_as_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (linear, tidy):
+    for module in (conic, large, linear, tidy):
         monkeypatch.setattr(module, "LONG_COLUMNS", 0)
     monkeypatch.setattr(large, "FEW_DISCS", 0)
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi
-import cvxpy
+import clarabel
 import highspy
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from pyomo.contrib.solver.common.results import TerminationCondition
 from resilience.errors import SolverError
 from resilience.models.backends.base import NOTHING, Solution, of_solver
 from resilience.models.backends.casadi import NLP
-from resilience.models.backends.cvxpy import Conic
+from resilience.models.backends.conic import Conic
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.plain import Plain
 from resilience.models.backends.pyomo import Pyomo
@@ -41,7 +41,7 @@ def plain() -> Plain:
 CASES: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
     "HiGHS": (highspy.Highs, "run", Highs),
     "HiGHS, plain": (highspy.Highs, "run", lambda standard: plain()),
-    "Clarabel": (cvxpy.Problem, "solve", Conic),
+    "Clarabel": (clarabel, "DefaultSolver", Conic),
     "Ipopt": (casadi, "nlpsol", NLP),
     "SCIP": (factory, "SolverFactory", lambda standard: Pyomo(standard, solver="scip")),
 }
