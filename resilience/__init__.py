@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from resilience.fragility.drawing import scenarios
     from resilience.fragility.feeder_hazard import Hazard, hazard
     from resilience.fragility.outages.scenarios import Scenarios
+    from resilience.models.methods.cvxpy_model import CvxpyModel, cvxpy_model
     from resilience.models.simulator.decision import Decision
     from resilience.operation.answer import OperatorAnswer
     from resilience.operation.operator import Operator
@@ -80,6 +81,7 @@ __all__ = [
     "CaseError",
     "CertificateError",
     "Comparison",
+    "CvxpyModel",
     "Decision",
     "Dispatcher",
     "FileError",
@@ -111,6 +113,7 @@ __all__ = [
     "ac_check_trajectory",
     "case_names",
     "compare",
+    "cvxpy_model",
     "diff",
     "evaluate",
     "harden",

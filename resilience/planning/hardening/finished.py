@@ -86,8 +86,9 @@ class Finished:
             storms = make()
             return [getattr(storms, name) for name in NUMBERS]
 
-        values = dict(zip(NUMBERS, self.arrays("storms", facts, arrays), strict=True))
-        return StormOutcomes(**values)
+        probability, *measures = self.arrays("storms", facts, arrays)
+        cost, shed_mwh, critical_mwh, critical_h, customer_h = measures
+        return StormOutcomes(probability, cost, shed_mwh, critical_mwh, critical_h, customer_h)
 
     def note(self) -> str:
         """What is there, and how to go on; for whoever interrupts."""

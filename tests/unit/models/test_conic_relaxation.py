@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import resilience as rs
 from resilience.models.backends.conic import Conic
 from resilience.models.case_program import CaseProgram, horizon
 from resilience.models.methods import conic, large
+from resilience.models.methods.cvxpy_model import stated
 from resilience.models.program.dual_bound import cone_share, safe_bound
-from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Cone, Disc
 from tests.unit.models.test_large_programs import rated_feeder
 
 cp: Any = importlib.import_module("cvxpy")
@@ -24,30 +24,11 @@ def feeder(**more: Any) -> CaseProgram:
     return horizon(rated_feeder(outages=["1-2@03:00-05:00"], **more), "distflow")
 
 
-def stated(standard: Standard, v: Vectors) -> Any:
-    """The relaxation in cvxpy, unscaled and with nothing substituted."""
-    z = cp.Variable(standard.n_columns)
-    equal = np.isfinite(v.row_lower)
-    held = [
-        standard.a[equal] @ z == v.row_upper[equal],
-        standard.a[~equal] @ z <= v.row_upper[~equal],
-        z >= v.lower,
-        z <= v.upper,
-    ]
-    for disc in standard.structures_of(Disc).values():
-        xs = [m @ z + c for m, c in zip(disc.matrices, disc.consts, strict=True)]
-        held.append(cp.SOC(cp.Constant(disc.limits[0]), cp.vstack(xs), axis=0))
-    for cone in standard.structures_of(Cone).values():
-        u, w, *xs = [m @ z + c for m, c in zip(cone.matrices, cone.consts, strict=True)]
-        held.append(cp.SOC(u + w, cp.vstack([*(2.0 * x for x in xs), u - w]), axis=0))
-    return cp.Problem(cp.Minimize(v.cost @ z + v.offset), held)
-
-
 @pytest.mark.parametrize("rating_mva", [0.5, 0.72, 5.0])
 def test_the_optimum_is_that_of_cvxpy(rating_mva: float) -> None:
     program = feeder(rating_mva=rating_mva)
     standard, v = program.standard, program.vectors
-    problem = stated(standard, v)
+    problem = stated(standard, v).problem
     problem.solve(solver=cp.CLARABEL)
     solver = Conic(standard)
     solver.update(v)
@@ -71,7 +52,7 @@ def test_what_a_point_lacks_is_least_as_in_cvxpy() -> None:
     solver.update(v)
     assert solver.solve().z is not None
     assert solver.slack is not None
-    problem = stated(program.standard, v)
+    problem = stated(program.standard, v).problem
     z = problem.variables()[0]
     slack = cp.Variable(program.standard.n_rows)
     equal = np.isfinite(v.row_lower)
@@ -106,3 +87,22 @@ def test_limits_that_are_there_for_solvers_come_back_where_they_bind(
     solution = conic.relaxation(program, v)
     assert solution.objective == pytest.approx(known.objective, rel=1e-7)
     assert solution.point[columns].max() == pytest.approx(0.31, abs=1e-6)
+
+
+def test_a_case_is_extended_in_cvxpy() -> None:
+    """A row of one's own, an import of 0.2 MW at most, is the limit of the grid in the case."""
+    case = rated_feeder(outages=["1-2@03:00-05:00"])
+    model = rs.cvxpy_model(case)
+    model.problem.solve(solver=cp.CLARABEL)
+    plan = rs.solve(case, "socp")
+    assert isinstance(plan, rs.Plan)
+    assert model.problem.value == pytest.approx(plan.bound, rel=1e-6)
+    assert model["load.shed"].shape == (len(case.load), case.slots)
+    limited = cp.Problem(
+        model.problem.objective, [*model.problem.constraints, model["grid.import"] <= 0.2]
+    )
+    limited.solve(solver=cp.CLARABEL)
+    weaker = rs.solve(case.with_grid(case.grid[0].name, import_max_mw=0.2), "socp")
+    assert isinstance(weaker, rs.Plan)
+    assert limited.value == pytest.approx(weaker.bound, rel=1e-6)
+    assert limited.value > model.problem.value + 1e-3
