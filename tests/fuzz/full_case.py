@@ -158,7 +158,10 @@ def stormy_case() -> dict[str, Any]:
     }  # fmt: skip
     data["line"][1] |= {"switching_cost": 1.0, "in_service": False}
     data["line"][0] |= {
-        "harden": [{"factor": 1.4, "cost": 30.0}, {"underground": True, "cost": 200.0}]
+        "harden": [
+            {"factor": 1.4, "cost": 30.0, "life_years": 30.0},
+            {"underground": True, "cost": 200.0},
+        ]
     }
     strengths = [{"factor": 1.5, "cost": 40.0}, {"underground": True, "cost": 90.0}]
     strengths[0]["life_years"] = 30.0
