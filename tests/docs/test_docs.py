@@ -19,6 +19,7 @@ PAGES = (
     "guide/storm-tomorrow",
     "guide/typhoon",
     "guide/operate",
+    "guide/harden",
     "concepts/model",
     "concepts/exactness",
     "concepts/methods",
@@ -29,6 +30,7 @@ PAGES = (
     "concepts/stochastic",
     "concepts/sddp",
     "concepts/evaluation",
+    "concepts/survival",
     "reference/api/cases",
     "reference/api/testing",
 )
