@@ -34,4 +34,5 @@ def test_a_shell_completes_commands_and_options(line: str, words: list[str]) -> 
 def test_short_help_and_version() -> None:
     assert printed(["--version"]).strip() == rs.__version__
     assert "Usage" in printed(["solve", "-h"])
-    assert "complete -o default -F" in printed(["--show-completion", "bash"])
+    named = {"_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}  # there may be no shell around
+    assert "complete -o default -F" in printed(["--show-completion", "bash"], **named)
