@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
+from resilience.arrays import Floats
 from resilience.case import Case, load_case
 from resilience.errors import UsageError
 from resilience.models.microgrid import Physics
@@ -18,10 +20,10 @@ from resilience.planning.hardening.draws import draw_options
 from resilience.planning.hardening.finished import Finished
 from resilience.planning.hardening.judging import Judge, chances, strongest, worth
 from resilience.planning.hardening.options import options_of, strengths
-from resilience.planning.hardening.program import hardening_program
+from resilience.planning.hardening.program import Option, hardening_program
 from resilience.planning.hardening.report import Hardening
 from resilience.planning.hardening.search import HardeningSearch
-from resilience.planning.hardening.season import season_of
+from resilience.planning.hardening.season import Season, season_of
 from resilience.planning.hardening.yearly import Years
 from resilience.planning.tables import copperplate_notes
 from resilience.planning.two_stage.lshaped import DecompositionOptions
@@ -97,7 +99,6 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
     with stopwatch() as seconds:
         with phase("case"):
             case = case if isinstance(case, Case) else load_case(case)
-            years = Years.of_plan(case.plan)
             spend = _budget(case, budget)
             _check(storms, new_storms, physics, frontier)
             _check_ties(case, physics)
@@ -105,53 +106,116 @@ def harden(  # noqa: PLR0913 every one is an option of the command line
             season = season_of(planned)
         options = options_of(planned, season.lines, factor=factor, cost=cost, lines=lines)
         parsed = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
-        annual_cost = None if years is None else years.annual_cost(options)
-        per_year = 1.0 if years is None else years.storms_per_year
-        with phase("storms"):
-            draws = draw_options(season, strengths(options), storms, seed, shift)
-        with phase("model"):
-            program = hardening_program(
-                planned, options, draws, spend, risk=parsed, physics=physics,
-                price=None if annual_cost is None else annual_cost / per_year,
-            )  # fmt: skip
-            threads = workers or os.cpu_count() or 1
-            search = HardeningSearch(
-                program, DecompositionOptions(gap=gap, time_limit=time_limit, workers=threads)
-            )
-        fails, other_seed = chances(options, draws), seed + SEEDS_APART
-        other_seed = other_seed if new_seed is None else new_seed
-        tracks = [(member.track.name, member.winds) for member in season.storms]
-        finished = Finished(None if out is None else Path(out), [
-            planned, options, tracks, season.share, storms, seed, shift, parsed, physics, years,
-        ])  # fmt: skip
-        judge = Judge(planned, season, options, physics, shift, finished)
+        other_seed = seed + SEEDS_APART if new_seed is None else new_seed
+        question = _Question(
+            planned, options, season, parsed, physics, Years.of_plan(case.plan), (storms, seed),
+            (new_storms, other_seed), shift,
+        )  # fmt: skip
+        threads = workers or os.cpu_count() or 1
+        decomposition = DecompositionOptions(gap=gap, time_limit=time_limit, workers=threads)
+        search, fails = question.search(spend, decomposition)
+        finished = Finished(None if out is None else Path(out), question.facts)
         with interruptible(finished.note):
-            path = finished.sets("greedy", [spend], lambda: search.greedy(spend))
-            choice, *others = (
-                finished.choice(limit, gap, partial(search.best, limit, path[1:]))
-                for limit in (spend, *sorted({*map(float, frontier)}))
-            )
-            sets = {
-                "nothing": path[0],
-                "plan": choice.chosen,
-                "greedy": path[-1],
-                "naive": search.in_order(np.nan_to_num(fails), spend),
-                "all": strongest(options),
-            }
-            alone, beside = finished.arrays(
-                "worth", [choice.chosen], lambda: worth(search, choice.chosen)
-            )
-            sample, unseen = judge.all_outcomes(sets, [(storms, seed), (new_storms, other_seed)])
-            uncrowded = judge.outcomes(choice.chosen, storms, seed, crews=False)
+            answer = question.answer(search, fails, (spend, *frontier), finished)
         if finished.read:
             notice(f"{out}: {finished.read} of {finished.count} parts were there")
-    plans = sorted([*others, choice], key=lambda plan: plan.budget)
-    return Hardening(
-        planned, options, parsed, choice.times(per_year), gap,
-        tuple(plan.times(per_year) for plan in plans), sets, fails, alone * per_year,
-        beside * per_year, sample, uncrowded.value(parsed), unseen, storms, new_storms, seed,
-        other_seed, seconds, tuple(_notes(case, planned, physics)), season, years, annual_cost,
-    )  # fmt: skip
+    return replace(answer, seconds=seconds, notes=tuple(_notes(case, planned, physics)))
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What to build against which storms.
+
+    Attributes:
+        case: in the steps of the plan.
+        options: what may be built.
+        season: the storms.
+        risk: the objective over them.
+        physics: of them.
+        years: how often they come, where the case says so.
+        draw: how many are planned for, and the seed of their draw.
+        new_draw: likewise of those that choices are judged on.
+        shift: of both draws.
+    """
+
+    case: Case
+    options: tuple[Option, ...]
+    season: Season
+    risk: Risk
+    physics: Physics
+    years: Years | None
+    draw: tuple[int, int]
+    new_draw: tuple[int, int]
+    shift: float
+
+    @property
+    def facts(self) -> list[object]:
+        """What every part of the answer depends on."""
+        tracks = [(member.track.name, member.winds) for member in self.season.storms]
+        return [
+            self.case, self.options, tracks, self.season.share, self.risk, self.physics,
+            self.years, self.draw, self.shift,
+        ]  # fmt: skip
+
+    @cached_property
+    def annual_cost(self) -> Floats | None:
+        """(options,) $ a year for each; None where nobody says how many storms come."""
+        return None if self.years is None else self.years.annual_cost(self.options)
+
+    @property
+    def per_year(self) -> float:
+        """Storms that an objective is of: those of a year, or one."""
+        return 1.0 if self.years is None else self.years.storms_per_year
+
+    def search(
+        self, budget: float, options: DecompositionOptions
+    ) -> tuple[HardeningSearch, Floats]:
+        """The search, and (options,) the chance that the line of each is down as it is."""
+        with phase("storms"):
+            draws = draw_options(self.season, strengths(self.options), *self.draw, self.shift)
+        price = None if self.annual_cost is None else self.annual_cost / self.per_year
+        with phase("model"):
+            program = hardening_program(
+                self.case, self.options, draws, budget, price=price, risk=self.risk,
+                physics=self.physics,
+            )  # fmt: skip
+            return HardeningSearch(program, options), chances(self.options, draws)
+
+    def answer(
+        self,
+        search: HardeningSearch,
+        fails: Floats,
+        budgets: tuple[float, ...],
+        finished: Finished,
+    ) -> Hardening:
+        """What to build for each of some budgets, the first of them the plan's, and its worth."""
+        spend, gap = budgets[0], search.options.gap
+        path = finished.sets("greedy", [spend], lambda: search.greedy(spend))
+        choice, *others = (
+            finished.choice(limit, gap, partial(search.best, limit, path[1:]))
+            for limit in (spend, *sorted({*map(float, budgets[1:])}))
+        )
+        sets = {
+            "nothing": path[0],
+            "plan": choice.chosen,
+            "greedy": path[-1],
+            "naive": search.in_order(np.nan_to_num(fails), spend),
+            "all": strongest(self.options),
+        }
+        alone, beside = finished.arrays(
+            "worth", [choice.chosen], lambda: worth(search, choice.chosen)
+        )
+        judge = Judge(self.case, self.season, self.options, self.physics, self.shift, finished)
+        sample, unseen = judge.all_outcomes(sets, [self.draw, self.new_draw])
+        uncrowded = judge.outcomes(choice.chosen, *self.draw, crews=False).value(self.risk)
+        plans = sorted([*others, choice], key=lambda plan: plan.budget)
+        n = self.per_year
+        return Hardening(
+            self.case, self.options, self.risk, choice.times(n), gap,
+            tuple(plan.times(n) for plan in plans), sets, fails, alone * n, beside * n, sample,
+            uncrowded, unseen, self.draw[0], self.new_draw[0], self.draw[1], self.new_draw[1],
+            {}, (), self.season, self.years, self.annual_cost,
+        )  # fmt: skip
 
 
 def in_steps(case: Case, step_min: float | None) -> Case:

@@ -128,12 +128,11 @@ def hardening_program(
     two_stage = TwoStage(
         [first, *stages], tree, 1, data, microgrid.start(), terminal_cuts(microgrid), risk or Risk()
     )
-    initial = two_stage.first.initial
     matters = np.zeros((len(weight), two_stage.first.n_states), bool)
     if lines:
-        matters[:, initial[STRENGTH]] = distinct.matters
+        matters[:, two_stage.first.initial[STRENGTH]] = distinct.matters
     if others:
-        matters[:, initial[BUILT]] = True
+        matters[:, two_stage.first.initial[BUILT]] = True
     # With voltages a line that is up ties its ends to each other, which may cost something.
     falls = distinct.falls if physics == "copperplate" else None
     two_stage = replace(two_stage, matters=matters, falls=falls)
