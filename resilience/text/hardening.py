@@ -12,6 +12,7 @@ from resilience.planning.hardening.program import Option
 from resilience.planning.hardening.report import Hardening
 from resilience.planning.hardening.sites import UnitOption
 from resilience.text.grid import grid
+from resilience.text.plan import percent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,13 +42,13 @@ def print_hardening(hardening: Hardening, console: Console) -> None:
 
 
 def _verdict(h: Hardening) -> str:
-    proof = "proven to" if h.status == "optimal" else "not proven further than to"
     limit = f" of {h.budget:,.10g} $" if math.isfinite(h.budget) else ""
     unit = "$" if h.years is None else "$ a year"
+    shortfall = "" if h.status == "optimal" else f", {percent(h.wanted_gap)} wanted"
     return (
         f"{len(h.chosen)} of {len(h.options)} options for {h.cost:,.10g} ${limit}: "
-        f"objective {h.choice.value:.2f} {unit}, bound {h.choice.bound:.2f} {unit}, {proof} "
-        f"{100 * h.choice.gap:.2g} %"
+        f"objective {h.choice.value:.2f} {unit}, bound {h.choice.bound:.2f} {unit}, "
+        f"gap {percent(h.choice.gap)}{shortfall}"
     )
 
 

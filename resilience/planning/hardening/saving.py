@@ -1,4 +1,4 @@
-"""A saved choice of what to build: a folder that appears whole or not at all; see `FILES`."""
+"""A saved choice of what to build: a folder that appears whole or not at all; see `TABLES`."""
 
 from __future__ import annotations
 

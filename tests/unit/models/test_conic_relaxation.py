@@ -106,3 +106,14 @@ def test_a_case_is_extended_in_cvxpy() -> None:
     assert isinstance(weaker, rs.Plan)
     assert limited.value == pytest.approx(weaker.bound, rel=1e-6)
     assert limited.value > model.problem.value + 1e-3
+
+
+@pytest.mark.parametrize("name", ["ieee33-commitment", "ieee33-fuel"])
+def test_cvxpy_has_the_bound_of_commitment_and_of_tanks(name: str) -> None:
+    """Curves, fuel and units that run by shares are rows of the program like all others."""
+    case = rs.load_case(name).replace(slots=48, outages=())
+    model = rs.cvxpy_model(case)
+    model.problem.solve(solver=cp.CLARABEL)
+    plan = rs.solve(case, "socp")
+    assert isinstance(plan, rs.Plan)
+    assert plan.bound == pytest.approx(model.problem.value, rel=1e-6)
