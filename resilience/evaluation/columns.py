@@ -43,6 +43,7 @@ COLUMNS = {
     "served_percent": "energy served / energy demanded, %",
     "critical_served_percent": "the same of the critical loads; none where the case has none",
     "critical_whole": "probability that no critical load is ever shed",
+    "critical_lasts_h": "expected hours until a critical load is first shed; never: all hours",
     "asidi_h_per_day": "hours without supply of the average MW",
     "asifi_per_day": "interruptions of the average MW",
     "trapezoid_phi_per_h": "how fast service drops in the deepest drop of an episode, 1/h",
@@ -135,6 +136,7 @@ def _service(judged: Judged, name: str) -> dict[str, float]:
     measures, likely, days = judged.measures[name], judged.scenarios.probability, judged.days
     service, shape = measures.adequacy, measures.shape
     critical = measures.has_critical
+    lasts_h = np.minimum(measures.service.first_critical_shed_h, 24.0 * days)
     none = float("nan")
     return {
         "shed_mwh_per_day": service.eens_mwh / days,
@@ -146,6 +148,7 @@ def _service(judged: Judged, name: str) -> dict[str, float]:
         "served_percent": 100.0 * service.served_share,
         "critical_served_percent": 100.0 * service.critical_served_share if critical else none,
         "critical_whole": service.p_critical_served if critical else none,
+        "critical_lasts_h": statistics.expected(lasts_h, likely) if critical else none,
         "asidi_h_per_day": statistics.expected(measures.indices.asidi_h, likely) / days,
         "asifi_per_day": statistics.expected(measures.indices.asifi, likely) / days,
         "trapezoid_phi_per_h": statistics.expected(shape.phi_per_h, likely),

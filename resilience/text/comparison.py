@@ -111,6 +111,7 @@ COLUMNS = (
     Column("iqm_per_day", "IQM", "$/day", 2, 14, "interquartile mean of the episodes"),
     Column("asidi_h_per_day", "ASIDI", "h/day", 3, 15, "outage of the average MW"),
     Column("critical_served_percent", "critical", "%", 2, 8, "energy of critical loads served"),
+    Column("critical_lasts_h", "lasts", "h", 1, 8, "until a critical load is shed"),
     Column("asifi_per_day", "ASIFI", "1/day", 3, 17, "interruptions of the average MW"),
     Column("shed_mw_slots_per_day", "shed", "MW-slots", 2, 16, "a day, the paper's unit"),
     Column("eens_mwh", "EENS", "MWh", 2, 18, "expected energy not served in an episode"),

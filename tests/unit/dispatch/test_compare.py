@@ -107,6 +107,7 @@ BY_HAND = {
     "served_percent": (87.5, 93.125, 93.75),
     "critical_served_percent": (87.5, 93.75, 100.0),
     "critical_whole": (0.75, 0.75, 1.0),
+    "critical_lasts_h": (0.75 * 2.0 + 0.25 * 1.0, 0.75 * 2.0 + 0.25 * 1.5, 2.0),
     "asidi_h_per_day": (3.0, 0.25 * 12 * (0.6 * (0.35 / 0.6) + 0.4 * (0.2 / 0.4)), None),
     "trapezoid_phi_per_h": (-0.5, None, None),
     "trapezoid_lambda": (0.25, 0.25, None),
