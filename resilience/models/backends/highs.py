@@ -42,6 +42,7 @@ from resilience.models.program.units import Units, column_scale
 from resilience.models.structures import Adjacent, Largest, Split, Structure
 from resilience.tolerances import CONFLICT_TOLERANCE
 
+KEY_SEED = 0  # of the random sums by which rows are told apart
 EXPLAIN_S = 5.0  # for each way of explaining what is infeasible
 LONG_HORIZON_OPTIONS = {"simplex_dual_edge_weight_strategy": -1}
 """Steepest edge, which HiGHS chooses itself: half the time of Devex on a long horizon."""
@@ -181,23 +182,27 @@ class Highs:
     def start_as(self, solved: Highs) -> bool:
         """Lets the next solve start where another one ended; False where it had other rows.
 
-        This one may have more behind those.
+        This one may have more, behind those or between them.
         """
         old, new = solved._matrix(), self._matrix()
-        if old.shape[1] != new.shape[1] or old.shape[0] > new.shape[0]:
+        if old.shape[1] != new.shape[1]:
             return False
-        head = new[: old.shape[0]]
-        if head.nnz != old.nnz or (head != old).nnz:
+        places = rows_among(old, new)
+        if places is None:
             return False
-        self._start(*(np.array(statuses, object) for statuses in solved.model.statuses))
+        columns, rows = (np.array(statuses, object) for statuses in solved.model.statuses)
+        self._start(columns, rows, places)
         return True
 
-    def _start(self, columns: Statuses, rows: Statuses) -> None:
-        """At the statuses of the first columns and rows: what is added to them is slack."""
+    def _start(self, columns: Statuses, rows: Statuses, places: Ints | None = None) -> None:
+        """At the statuses of the first columns and rows, or of the rows in these places: what is
+        added to them is slack.
+        """
         n_rows, n_columns = self._matrix().shape
         columns = np.append(columns, np.full(n_columns - len(columns), AT_LOWER, object))
-        rows = np.append(rows, np.full(n_rows - len(rows), BASIC, object))
-        self.model.set_basis(basis_of(columns, rows))
+        statuses = np.full(n_rows, BASIC, object)
+        statuses[np.arange(len(rows)) if places is None else places] = rows
+        self.model.set_basis(basis_of(columns, statuses))
 
     def forget(self) -> None:
         """Lets the next solve start from nothing."""
@@ -284,3 +289,22 @@ def _differing(new: Floats, old: Floats, *more: Floats) -> Ints:
     if more:
         apart |= more[0] != more[1]
     return np.flatnonzero(apart)
+
+
+def rows_among(old: sp.csr_array, new: sp.csr_array) -> Ints | None:
+    """(rows of old,) where each is among those of new, equal ones in their order, or None.
+
+    Rows are told apart by sums of their coefficients with random weights, and then compared.
+    """
+    weights = np.random.default_rng(KEY_SEED).normal(size=old.shape[1])
+    keys = [matrix @ weights for matrix in (old, new)]
+    old_order, new_order = (np.argsort(key, kind="stable") for key in keys)
+    old_keys, new_keys = keys[0][old_order], keys[1][new_order]
+    repeated = np.arange(len(old_keys)) - np.searchsorted(old_keys, old_keys)
+    rank = np.searchsorted(new_keys, old_keys) + repeated
+    if rank.max(initial=-1) >= len(new_keys):
+        return None
+    places = np.empty(len(old_keys), np.intp)
+    places[old_order] = new_order[rank]
+    same = new[places]
+    return places if same.nnz == old.nnz and not (same != old).nnz else None

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from resilience.arrays import Floats
+from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import NOTHING, Solution
 from resilience.models.backends.casadi import NLP
 from resilience.models.backends.conic import Conic
@@ -105,14 +105,20 @@ def tightened(
 
 
 def relaxation(
-    program: CaseProgram, vectors: Vectors, *, seconds: float = np.inf, penalty: float = 0.0
+    program: CaseProgram,
+    vectors: Vectors,
+    *,
+    seconds: float = np.inf,
+    penalty: float = 0.0,
+    discs: Mapping[int, Bools] | None = None,
 ) -> Solution:
     """The SOCP for these vectors; a price on losses closes cones but voids the bound.
 
-    Nothing where no seconds are left for it.
+    Nothing where no seconds are left for it. `discs` are those held at first, see `large`.
     """
     standard, until_s = program.standard, time.perf_counter() + seconds
-    discs, boxed, best = first_discs(standard), first_bounds(standard), NOTHING
+    discs = first_discs(standard) if discs is None else discs
+    boxed, best = first_bounds(standard), NOTHING
     while (remaining_s := until_s - time.perf_counter()) > 0.0:
         solver = Conic(standard, penalty=penalty, time_limit=remaining_s, discs=discs, boxed=boxed)
         solver.update(vectors)

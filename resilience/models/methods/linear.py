@@ -29,7 +29,13 @@ from resilience.models.methods.answer import (
 )
 from resilience.models.methods.conic import relaxation, with_all_held
 from resilience.models.methods.explain import conflict, infeasible, no_plan
-from resilience.models.methods.large import LONG_COLUMNS, exceeded_discs, first_discs, with_discs
+from resilience.models.methods.large import (
+    exceeded_discs,
+    first_discs,
+    is_large,
+    is_loaded,
+    with_discs,
+)
 from resilience.models.methods.start import any_point, has_switches, with_switches_held
 from resilience.models.methods.tidy import with_least_circulation
 from resilience.models.methods.trees import better_switches
@@ -58,7 +64,7 @@ class LinearSearch:
         bound: lower bound, $.
         best: the best plan so far.
         polygons: for the index of each structure of discs, the elements (n,) that have polygons.
-        last: the last linear program of many columns that was solved.
+        last: the last large linear program that was solved.
         relaxation: the linear program without integers, where it was solved.
         rows: tangents of discs, G z <= h, where the polygons around them were exceeded.
     """
@@ -105,7 +111,7 @@ class LinearSearch:
             rows = sp.vstack(blocks, format="csr"), np.concatenate(right)
         solver = Highs(lowered, rows=rows, gap=self.options.gap / 2)
         solver.update(vectors)
-        if not solver.is_mip and standard.n_columns >= LONG_COLUMNS:
+        if not solver.is_mip and is_large(standard):
             self._start(solver)
         return solver
 
@@ -250,7 +256,8 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
     """A point that holds everything: the relaxed one if it does, else the best with its integers
     and modes and with polygons within the discs, else the best within them, else nothing.
 
-    Where polygons within the discs cost more than the gap, the discs themselves are held, as cones.
+    Where polygons within the discs cost more than the gap, or where many discs bind, the discs
+    themselves are held, as cones.
     """
     program, standard, z = search.program, search.program.standard, relaxed.point
     if fractional(standard, z).any():
@@ -262,17 +269,32 @@ def _plan(search: LinearSearch, relaxed: Solution, broken: dict[int, Bools]) -> 
     for modes in (search.modes, broken):
         vectors = vectors.fixed(*idle_columns(standard, z, modes))
     search.hold_discs(z)
+    loaded = exceeded and is_loaded(standard, search.polygons)
+    plan = _on_discs(search, vectors) if loaded else NOTHING
+    if plan.z is not None:
+        return plan
     plan = search.within(vectors)
     if plan.z is None and exceeded and not broken:
         plan = search.within(program.vectors)
     if plan.z is None or broken_modes(standard, plan.z):
         plan = NOTHING
-    if exceeded and search.gap_of(plan) > search.options.gap and search.seconds > 0.0:
-        on_discs = relaxation(program, vectors, seconds=search.seconds)
-        if on_discs.z is not None:
-            on_modes = with_all_held(program, on_discs, vectors, lambda: search.seconds)
-            plan = min(plan, on_modes, key=lambda solution: solution.objective)
+    if exceeded and not loaded and search.gap_of(plan) > search.options.gap:
+        plan = min(plan, _on_discs(search, vectors), key=lambda solution: solution.objective)
     return plan
+
+
+def _on_discs(search: LinearSearch, vectors: Vectors) -> Solution:
+    """The best point for these vectors on the discs themselves, modes held, or nothing.
+
+    Its bound counts where the vectors are the program's own, nothing held.
+    """
+    program = search.program
+    on_discs = relaxation(program, vectors, seconds=search.seconds, discs=search.polygons)
+    if on_discs.z is None:
+        return NOTHING
+    if vectors is program.vectors:
+        search.bound = max(search.bound, on_discs.bound)
+    return with_all_held(program, on_discs, vectors, lambda: search.seconds)
 
 
 def _any_plan(search: LinearSearch) -> Solution:
@@ -298,8 +320,10 @@ def _answer(search: LinearSearch, relaxed: Solution, reason: str) -> MethodResul
     if search.modes:
         number = sum(int(elements.sum()) for elements in search.modes.values())
         notes.append(f"{number} mode binaries were needed")
-    with phase("tie-break"):
-        best = with_least_circulation(search.program, best, search.deadline.final_s / 2)
+    if not is_loaded(search.program.standard, search.polygons):
+        # Else the plan is one on the discs, and has no polygons to move in.
+        with phase("tie-break"):
+            best = with_least_circulation(search.program, best, search.deadline.final_s / 2)
     result = MethodResult.from_solution(
         search.program, best, search.bound, search.options.gap, reason, notes
     )

@@ -13,14 +13,20 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import linprog
 
 from resilience.arrays import Bools, Floats
 from resilience.models.backends.base import Solution, failures_of
 from resilience.models.backends.lower import lower
+from resilience.models.backends.parted import Linear, optimum
 from resilience.models.case_program import CaseProgram
 from resilience.models.methods.answer import broken_facts, worst_violation
-from resilience.models.methods.large import LONG_COLUMNS, exceeded_discs, first_discs, with_discs
+from resilience.models.methods.large import (
+    LONG_COLUMNS,
+    exceeded_discs,
+    first_discs,
+    is_large,
+    with_discs,
+)
 from resilience.models.program.referee import audit
 from resilience.models.program.standard import Standard, Vectors
 from resilience.models.structures import Disc, Discs, Mode
@@ -98,22 +104,23 @@ def _least_circulation(
     x = sp.csr_array((np.ones(m), (np.arange(m), weighed)), shape=(m, len(free)))
     t = sp.eye_array(m)
     absolute = sp.block_array([[x, -t], [-x, -t]])
-    answer = linprog(
-        np.append(np.zeros(len(free)), standard.tiebreak[free][weighed]),
-        A_ub=sp.vstack([a[above], -a[below], absolute], format="csr"),
-        b_ub=np.concatenate(
-            [(v.row_upper - settled)[above], (settled - v.row_lower)[below], np.zeros(2 * m)]
+    answer = optimum(
+        Linear(
+            np.append(np.zeros(len(free)), standard.tiebreak[free][weighed]),
+            sp.vstack([a[above], -a[below], absolute], format="csr"),
+            np.concatenate(
+                [(v.row_upper - settled)[above], (settled - v.row_lower)[below], np.zeros(2 * m)]
+            ),
+            a[np.flatnonzero(equal)],
+            (v.row_upper - settled)[equal],
+            np.append(v.lower[free], np.zeros(m)),
+            np.append(v.upper[free], np.full(m, np.inf)),
         ),
-        A_eq=a[np.flatnonzero(equal)],
-        b_eq=(v.row_upper - settled)[equal],
-        bounds=np.column_stack(
-            [np.append(v.lower[free], np.zeros(m)), np.append(v.upper[free], np.full(m, np.inf))]
-        ),
-        method="highs",
-        options={"time_limit": seconds},
+        seconds,
+        parted=is_large(standard),
     )
-    if answer.x is None or not answer.success:
+    if answer is None:
         return None
     best = z.copy()
-    best[free] = np.clip(answer.x[: len(free)], v.lower[free], v.upper[free])
+    best[free] = np.clip(answer[: len(free)], v.lower[free], v.upper[free])
     return best

@@ -18,7 +18,13 @@ import numpy as np
 
 from resilience.arrays import Floats, Ints
 from resilience.models.program.standard import Standard, Vectors
-from resilience.models.structures import Angle, Cone, Largest, Structure, UnrolledStructure
+from resilience.models.structures import (
+    Angle,
+    Largest,
+    SecondOrder,
+    Structure,
+    UnrolledStructure,
+)
 from resilience.tolerances import INTEGRALITY_TOLERANCE, RELAXATION_TOLERANCE
 
 NEAR_LIMIT = 0.99
@@ -87,8 +93,8 @@ def audit(standard: Standard, z: Floats, vectors: Vectors) -> Audit:
 
 
 def _is_relaxed(standard: Standard, z: Floats) -> bool:
-    """Whether a cone or an angle is open."""
-    kinds: tuple[type[Structure], ...] = (Cone, Angle)
+    """Whether a cone or an angle is open, or a rating exceeded."""
+    kinds: tuple[type[Structure], ...] = (SecondOrder, Angle)
     flows = [u for kind in kinds for u in standard.structures_of(kind).values()]
     return any(u.violation(z).max(initial=0.0) > RELAXATION_TOLERANCE for u in flows)
 

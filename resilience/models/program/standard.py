@@ -65,7 +65,9 @@ class Vectors:
     row_upper: Floats
 
     def fixed(self, columns: Ints, values: Floats) -> Vectors:
-        """The same vectors with some columns fixed."""
+        """The same vectors with some columns fixed; these themselves where there are none."""
+        if not len(columns):
+            return self
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[columns] = upper[columns] = values
         return replace(self, lower=lower, upper=upper)

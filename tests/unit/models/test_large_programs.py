@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import resilience as rs
 from resilience.case import Case
-from resilience.models.backends.highs import Highs
+from resilience.models.backends.highs import Highs, rows_among
 from resilience.models.backends.highs_model import BASIC
 from resilience.models.backends.lower import lower
 from resilience.models.backends.node_by_node import node_statuses
 from resilience.models.case_program import horizon, terminal_cuts
 from resilience.models.language.tree import Tree
-from resilience.models.methods import conic, large, linear, tidy
+from resilience.models.methods import conic, large, tidy
 from resilience.models.microgrid import Microgrid
 from resilience.models.program.unroll import unroll
 from resilience.models.structures import Disc
@@ -48,8 +49,10 @@ def rated_feeder(rating_mva: float = 0.72, **more: Any) -> Case:
     )  # fmt: skip
 
 
-def treat_as_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (conic, large, linear, tidy):
+def treat_as_large(monkeypatch: pytest.MonkeyPatch, *, is_loaded: bool = False) -> None:
+    """Where it is loaded, all discs of a structure are held as soon as one is exceeded."""
+    monkeypatch.setattr(large, "EXCEEDED_SHARE", 0.0 if is_loaded else 1.0)
+    for module in (conic, large, tidy):
         monkeypatch.setattr(module, "LONG_COLUMNS", 0)
     monkeypatch.setattr(large, "FEW_DISCS", 0)
 
@@ -61,13 +64,14 @@ def solved(case: Case, method: str) -> Plan:
 
 
 @pytest.mark.parametrize("rating_mva", [0.5, 0.72, 5.0])
+@pytest.mark.parametrize("is_loaded", [False, True])
 @pytest.mark.parametrize("method", ["lp", "milp", "socp", "nlp", "minlp"])
 def test_plans_are_as_cheap_and_hold_as_much(
-    method: str, rating_mva: float, monkeypatch: pytest.MonkeyPatch
+    method: str, is_loaded: bool, rating_mva: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = rated_feeder(rating_mva, outages=["1-2@03:00-05:00"])
     before = solved(case, method)
-    treat_as_large(monkeypatch)
+    treat_as_large(monkeypatch, is_loaded=is_loaded)
     after = solved(case, method)
     assert after.objective == pytest.approx(before.objective, rel=1e-3)
     assert before.bound is not None
@@ -135,6 +139,26 @@ def test_nodes_solved_by_themselves_are_a_basis(alone: bool) -> None:
         assert solver.model.statuses == (columns.tolist(), rows.tolist())
 
 
+def _last_alone(polygons: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """Only the last disc of the last structure, so that rows come before and between."""
+    last = max(polygons)
+    none = {k: np.zeros_like(held) for k, held in polygons.items()}
+    none[last][-1] = True
+    return none
+
+
+def test_rows_are_found_where_they_went() -> None:
+    """Equal ones in their order; a row that differs in one coefficient is not there."""
+    rows = np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0], [1.0, 0.0, 2.0], [4.0, 0.0, 0.0]])
+    more = np.array([[0.0, 3.0, 0.0], [1.0, 0.0, 2.0], [9.0, 9.0, 9.0], [4.0, 0.0, 0.0], [1, 0, 2]])
+    places = rows_among(sp.csr_array(rows), sp.csr_array(more))
+    assert places is not None
+    assert places.tolist() == [1, 0, 4, 3]
+    more[4, 2] = 2.0001
+    assert rows_among(sp.csr_array(rows), sp.csr_array(more)) is None
+    assert rows_among(sp.csr_array(more), sp.csr_array(rows)) is None
+
+
 def test_a_start_is_taken_over_where_rows_are_added_and_refused_elsewhere() -> None:
     program = horizon(rated_feeder(0.5))
     standard = program.standard
@@ -148,6 +172,10 @@ def test_a_start_is_taken_over_where_rows_are_added_and_refused_elsewhere() -> N
         solver.update(program.vectors)
     first.solve()
     assert more.start_as(first)
+    between = Highs(lower(standard, integer="none", modes={}, polygons=_last_alone(every)))
+    between.update(program.vectors)
+    between.solve()
+    assert more.start_as(between)
     cold = Highs(lower(standard, integer="none", modes={}, polygons=every))
     cold.update(program.vectors)
     assert more.solve().objective == pytest.approx(cold.solve().objective, rel=1e-9)

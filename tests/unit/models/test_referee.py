@@ -220,3 +220,17 @@ def test_a_value_near_an_auxiliary_bound_is_noted_on_either_side() -> None:
     found = audit(problem, z, vectors)
     assert found.worst["auxiliary flow"] == pytest.approx(0.8, abs=1e-4)
     assert found.where["auxiliary flow"] == "flow[b, t0]"
+
+
+def test_where_a_rating_is_exceeded_no_auxiliary_bound_is_judged() -> None:
+    """Such a point is an answer to less than the model, and may go to any limit."""
+    stage = Stage(1.0)
+    flow = stage.var("flow", ["a"], -4.0, 4.0)
+    stage.mark_auxiliary("flow", np.array([True]))
+    stage.disc("rating", 3.5, flow, flow * 0.0)
+    problem = unroll([stage], Tree.chain(["t0"]))
+    vectors, z = problem.vectors({}, {}), np.zeros(problem.n_columns)
+    z[problem.columns("flow")] = 4.0
+    assert set(audit(problem, z, vectors).worst) == {"bounds", "rating"}
+    z[problem.columns("flow")] = 3.5
+    assert audit(problem, z, vectors).worst["auxiliary flow"] == 0.0
