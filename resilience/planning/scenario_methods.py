@@ -7,30 +7,28 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from resilience.arrays import Floats, Ints
-from resilience.errors import InfeasibleError, UsageError
-from resilience.models.backends.base import OutOfTimeError
-from resilience.models.methods.answer import (
-    Deadline,
-    broken_modes,
-    idle_columns,
-    worst_violation,
-)
+from resilience.arrays import Floats
+from resilience.errors import UsageError
+from resilience.models.methods.answer import Deadline
 from resilience.models.program.gate import gap, status_of
-from resilience.models.program.standard import Standard
-from resilience.models.structures import Cone, Disc
+from resilience.models.structures import Cone
 from resilience.planning.scenario_program import ScenarioProgram, scenario_program
 from resilience.planning.two_stage.extensive import extensive
-from resilience.planning.two_stage.lshaped import DecompositionOptions, TwoStageSolution, lshaped
+from resilience.planning.two_stage.lshaped import (
+    DecompositionOptions,
+    Machinery,
+    TwoStageSolution,
+    lshaped,
+)
 from resilience.planning.two_stage.master import Master
+from resilience.planning.two_stage.modes import ModeSearch, with_modes_held
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.planning.two_stage.two_stage import TwoStage
 from resilience.progress import phase
-from resilience.tolerances import RELAXATION_TOLERANCE, SCENARIO_GAP
+from resilience.tolerances import SCENARIO_GAP
 
 MAX_SCENARIOS_EXTENSIVE = 50  # different ones; below, the extensive form is faster
 MAX_COLUMNS_EXTENSIVE = 20_000  # beyond, cutting is faster even with few scenarios
-MODE_ROUNDS = 3
 ALGORITHMS = {"extensive": extensive, "lshaped": lshaped}
 TITLES = {"extensive": "extensive form", "lshaped": "L-shaped method"}
 
@@ -89,14 +87,25 @@ def solve_scenario_program(
     algorithm = _algorithm(program, algorithm)
     with phase("mean-value plan"):
         start = program.mean_states()
-    options = DecompositionOptions(relative_gap, deadline.remaining_s, os.cpu_count() or 1, start)
-    relaxed = ALGORITHMS[algorithm](two_stage, options)
+    options = DecompositionOptions(
+        relative_gap,
+        deadline.remaining_s,
+        os.cpu_count() or 1,
+        start,
+        total_time_limit=time_limit,
+    )
+    search = ModeSearch(two_stage, ALGORITHMS[algorithm], options, deadline)
+    if algorithm == "lshaped":
+        search.machinery = Machinery.without_cuts(two_stage, options)
+        relaxed = lshaped(two_stage, options, search.machinery)
+    else:
+        relaxed = extensive(two_stage, options)
     has_integers = bool(two_stage.first.integer.any())
     mean_cost = None if has_integers else relaxed.start_cost
     if mean_cost is None and start is not None and not has_integers:
         with phase("mean-value plan", "its recourse"):
             mean_cost = costs_of(two_stage, start)
-    solution = _with_modes_held(two_stage, relaxed, algorithm, options, deadline)
+    solution = with_modes_held(search, relaxed)
     # The bound is the relaxed program's, since holding modes narrows it.
     bound, scale = relaxed.bound, two_stage.cost_scale
     status = status_of(gap(solution.objective, bound, scale), relative_gap)
@@ -158,53 +167,3 @@ def _algorithm(program: ScenarioProgram, request: str | None) -> str:
     few = program.distinct.n < MAX_SCENARIOS_EXTENSIVE
     is_small = few and (columns <= MAX_COLUMNS_EXTENSIVE or bool(two_stage.first.integer.any()))
     return request or ("extensive" if is_small else "lshaped")
-
-
-def _with_modes_held(
-    two_stage: TwoStage,
-    relaxed: TwoStageSolution,
-    algorithm: str,
-    options: DecompositionOptions,
-    deadline: Deadline,
-) -> TwoStageSolution:
-    """The plan with every mode that it broke held to its larger side, and polygons within discs
-    where one was exceeded; as it was where that cannot be.
-    """
-    solution = relaxed
-    trunk_columns: list[Ints] = []
-    branch_columns: dict[int, list[Ints]] = {}
-    for k in range(MODE_ROUNDS):
-        broken, wide = False, False
-        for chain, (problem, z) in _pieces(two_stage, solution).items():
-            elements = broken_modes(problem, z)
-            wide = wide or worst_violation(problem, z, Disc) > RELAXATION_TOLERANCE
-            if elements:
-                broken = True
-                (trunk_columns if chain < 0 else branch_columns.setdefault(chain, [])).append(
-                    idle_columns(problem, z, elements)[0]
-                )
-        if not (broken or wide):
-            return solution
-        ends = [two_stage.first.state_columns(node) for node in range(two_stage.trunk)]
-        narrower = replace(
-            options,
-            time_limit=deadline.final_s,
-            start=solution.trunk[np.array(ends, np.intp)],
-            discs="inner",
-            idle_trunk=np.concatenate([np.empty(0, np.intp), *trunk_columns]),
-            idle_branches={k: np.concatenate(columns) for k, columns in branch_columns.items()},
-        )
-        try:
-            with phase("modes", f"round {k + 1}"):
-                solution = ALGORITHMS[algorithm](two_stage, narrower)
-        except (InfeasibleError, OutOfTimeError):
-            return relaxed
-    return solution
-
-
-def _pieces(two_stage: TwoStage, solution: TwoStageSolution) -> dict[int, tuple[Standard, Floats]]:
-    """The trunk as -1 and every chain by its number, with what it is a point of."""
-    pieces = {-1: (two_stage.first, solution.trunk)}
-    for k, (chain, z) in enumerate(zip(two_stage.branches, solution.points, strict=True)):
-        pieces[k] = two_stage.programs[chain.program], z
-    return pieces

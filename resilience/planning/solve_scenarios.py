@@ -15,6 +15,7 @@ from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_case, s
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.components import in_roles
+from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions
 from resilience.models.microgrid import Physics
 from resilience.models.program.gate import gap, status_of
@@ -142,6 +143,8 @@ def plan_in_two_stages(
     risk = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
     with phase("model"):
         microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
+        if physics == "copperplate":
+            microgrid = without_idle_ratings(microgrid)
         distinct = DistinctScenarios.among(scenarios, microgrid.case)
         program = scenario_program(
             microgrid, distinct, common_slots=options.get("common_slots"), risk=risk

@@ -85,6 +85,7 @@ class DecompositionOptions:
         idle_branches: by the index of a branch, columns of its program to hold at zero.
         designs: (trunks, columns of the trunk) whole designs to try before all others.
         clock: seconds that have passed since some moment; for tests.
+        total_time_limit: seconds of which `time_limit` is what is left, for messages.
     """
 
     gap: float = SCENARIO_GAP
@@ -96,6 +97,7 @@ class DecompositionOptions:
     idle_branches: dict[int, Ints] = field(default_factory=dict)
     designs: Floats | None = None
     clock: Callable[[], float] = time.perf_counter
+    total_time_limit: float | None = None
 
 
 @dataclass
@@ -178,8 +180,9 @@ class TrunkSearch:
 
 def out_of_time(options: DecompositionOptions) -> OutOfTimeError:
     """The error where a time limit left nothing to show."""
+    seconds = options.time_limit if options.total_time_limit is None else options.total_time_limit
     return OutOfTimeError(
-        f"no plan for all scenarios was found within {options.time_limit:g} s",
+        f"no plan for all scenarios was found within {seconds:g} s",
         hint="raise --time-limit, or plan for fewer scenarios",
     )
 

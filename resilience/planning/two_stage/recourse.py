@@ -10,7 +10,7 @@ depends, it is solved once for each of their values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -129,7 +129,7 @@ class Recourse:
         workers: int = 1,
         seconds: Callable[[], float] = lambda: np.inf,
     ) -> None:
-        self.two_stage, self.workers, self.idle = two_stage, workers, idle or {}
+        self.two_stage, self.workers, self.idle = two_stage, workers, dict(idle or {})
         self.seconds = seconds
         self._programs = [self._program(k) for k in range(len(two_stage.programs))]
         self._numbers = [self._branch_numbers(branch) for branch in two_stage.branches]
@@ -143,8 +143,12 @@ class Recourse:
         self._bases: list[Basis | None] = [None] * n
         self._known: list[dict[bytes, _BranchSolution]] = [{} for _ in range(n)]
 
-    def solve(self, states: Floats) -> SecondStage:
-        """Solves every branch from its state, (branches, states).
+    def hold(self, columns: Mapping[int, Ints]) -> None:
+        """Holds these columns of some branches' programs at zero from now on, and no others."""
+        self.idle |= columns
+
+    def solve(self, states: Floats, only: Collection[int] | None = None) -> SecondStage:
+        """Solves every branch, or `only` some, in order, from its state, (branches, states).
 
         Raises:
             InfeasibleError: a scenario has no recourse there; it is named.
@@ -153,7 +157,11 @@ class Recourse:
         """
 
         def solve_batch(k: int) -> list[_BranchSolution]:
-            return [self._remembered(b, self._solvers[k], states[b]) for b in self._batches[k]]
+            return [
+                self._remembered(b, self._solvers[k], states[b])
+                for b in self._batches[k]
+                if only is None or b in only
+            ]
 
         batches = range(len(self._batches))
         if self.workers > 1 and len(batches) > 1:
