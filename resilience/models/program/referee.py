@@ -10,7 +10,7 @@ bound. That is asked of answers to the whole model; a relaxation may go to any l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -158,15 +158,32 @@ def tightened(standard: Standard, z: Floats) -> Floats:
     """The point with every `Largest` tight, which nothing else may press down: see `settle`."""
     z = z.copy()
     maxima = list(standard.structures_of(Largest).values())
+    if not _build_on_each_other(standard, maxima):
+        for largest in maxima:
+            _tighten(largest, z, slice(None))
+        return z
     order = sorted((node, k, i) for k, s in enumerate(maxima) for i, node in enumerate(s.nodes))
     for _, k, i in order:
-        largest, width = maxima[k], len(maxima[k].labels)
-        elements = slice(i * width, (i + 1) * width)
-        xs = [
-            m[elements] @ z + c[elements]
-            for m, c in zip(largest.matrices[1:], largest.consts[1:], strict=True)
-        ]
-        # One column per element, y or its negative.
-        y = largest.matrices[0]
-        z[y.indices[elements]] = largest.structure.maximum(xs) / y.data[elements] + 0.0
+        width = len(maxima[k].labels)
+        _tighten(maxima[k], z, slice(i * width, (i + 1) * width))
     return z
+
+
+def _build_on_each_other(standard: Standard, maxima: Sequence[UnrolledStructure[Largest]]) -> bool:
+    """Whether a maximum is of another one, as of a state of the node before."""
+    is_maximum = np.zeros(standard.n_columns)
+    for largest in maxima:
+        is_maximum[largest.matrices[0].indices] = 1.0
+    arguments = [m for largest in maxima for m in largest.matrices[1:]]
+    return any((abs(m) @ is_maximum).any() for m in arguments)
+
+
+def _tighten(largest: UnrolledStructure[Largest], z: Floats, elements: slice) -> None:
+    """Makes some elements tight, in place."""
+    xs = [
+        m[elements] @ z + c[elements]
+        for m, c in zip(largest.matrices[1:], largest.consts[1:], strict=True)
+    ]
+    # One column per element, y or its negative.
+    y = largest.matrices[0]
+    z[y.indices[elements]] = largest.structure.maximum(xs) / y.data[elements] + 0.0
