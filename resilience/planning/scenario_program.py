@@ -19,12 +19,14 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.highs import Highs
 from resilience.models.backends.lower import lower
 from resilience.models.case_program import CaseProgram, line_up_before, terminal_cuts
+from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.language.tree import Tree
-from resilience.models.microgrid import Microgrid
+from resilience.models.microgrid import Microgrid, Physics
 from resilience.models.program.risk import Risk
 from resilience.models.program.standard import Standard
 from resilience.models.program.unroll import unroll
 from resilience.planning.two_stage.two_stage import IN, TwoStage
+from resilience.simulation.world import microgrid_with_fallible_lines
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,12 @@ class ScenarioProgram:
             self.two_stage.first_data,
             dict(self.two_stage.x0),
         )
+
+
+def microgrid_to_plan(case: Case, scenarios: Scenarios, physics: Physics) -> Microgrid:
+    """The microgrid of a plan over scenarios, whose lines can fail; see `without_idle_ratings`."""
+    microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
+    return without_idle_ratings(microgrid) if physics == "copperplate" else microgrid
 
 
 def scenario_program(

@@ -15,7 +15,6 @@ from resilience.fragility.draw import DRAWN, fixed, outages_from, sample_case, s
 from resilience.fragility.outages.files import load_scenarios
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.components import in_roles
-from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions
 from resilience.models.microgrid import Physics
 from resilience.models.program.gate import gap, status_of
@@ -33,6 +32,7 @@ from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.planning.scenario_program import (
     DistinctScenarios,
     ScenarioProgram,
+    microgrid_to_plan,
     scenario_program,
 )
 from resilience.planning.tables import SlotTable, copperplate_notes
@@ -142,9 +142,7 @@ def plan_in_two_stages(
     risk = options.get("risk")
     risk = Risk.parse(risk) if isinstance(risk, str) else risk or Risk()
     with phase("model"):
-        microgrid = microgrid_with_fallible_lines(case, scenarios, physics)
-        if physics == "copperplate":
-            microgrid = without_idle_ratings(microgrid)
+        microgrid = microgrid_to_plan(case, scenarios, physics)
         distinct = DistinctScenarios.among(scenarios, microgrid.case)
         program = scenario_program(
             microgrid, distinct, common_slots=options.get("common_slots"), risk=risk

@@ -16,6 +16,7 @@ from resilience.models.program.standard import Standard
 from resilience.planning.scenario_program import (
     DistinctScenarios,
     ScenarioProgram,
+    microgrid_to_plan,
     scenario_program,
 )
 from resilience.planning.scenario_records import Unreduced
@@ -23,7 +24,6 @@ from resilience.planning.two_stage.lshaped import TwoStageSolution
 from resilience.planning.two_stage.master import Master
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.progress import phase
-from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.tolerances import SHED_TOLERANCE_MWH
 
 
@@ -80,7 +80,7 @@ def on_all_scenarios(
 def _program_of_all(program: ScenarioProgram, everything: Scenarios) -> ScenarioProgram:
     """The program of all scenarios, whose common schedule is no longer than the plan's."""
     case = program.microgrid.case
-    microgrid = microgrid_with_fallible_lines(case, everything, program.microgrid.physics)
+    microgrid = microgrid_to_plan(case, everything, program.microgrid.physics)
     return scenario_program(
         microgrid,
         DistinctScenarios.among(everything, microgrid.case),

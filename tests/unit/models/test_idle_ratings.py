@@ -12,7 +12,7 @@ from resilience.case import Case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.microgrid import Microgrid
-from resilience.planning import solve_scenarios
+from resilience.planning import scenario_program
 from resilience.planning.scenario_plan import ScenarioPlan
 from resilience.testing import small_case
 
@@ -92,5 +92,5 @@ def test_plans_over_scenarios_cost_the_same(seed: int, monkeypatch: pytest.Monke
         return plan.objective
 
     reduced = cost()
-    monkeypatch.setattr(solve_scenarios, "without_idle_ratings", lambda microgrid: microgrid)
+    monkeypatch.setattr(scenario_program, "without_idle_ratings", lambda microgrid: microgrid)
     assert reduced == pytest.approx(cost(), rel=1e-7)
