@@ -321,7 +321,7 @@ def _answer(search: LinearSearch, relaxed: Solution, reason: str) -> MethodResul
         number = sum(int(elements.sum()) for elements in search.modes.values())
         notes.append(f"{number} mode binaries were needed")
     if not is_loaded(search.program.standard, search.polygons):
-        # Else the plan is one on the discs, and has no polygons to move in.
+        # A plan on the discs has no polygons to move in.
         with phase("tie-break"):
             best = with_least_circulation(search.program, best, search.deadline.final_s / 2)
     result = MethodResult.from_solution(

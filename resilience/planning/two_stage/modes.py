@@ -95,7 +95,7 @@ def with_modes_held(search: ModeSearch, relaxed: TwoStageSolution) -> TwoStageSo
     for k in range(SEARCHES):
         broken, is_wide = _broken(search.two_stage, solution)
         if not (broken or is_wide):
-            return solution
+            return min(solution, best or solution, key=lambda plan: plan.objective)
         if search.machinery is not None and not is_wide and TRUNK not in broken:
             with phase("modes", f"round {k + 1}, the same first stage"):
                 lawful = _held_behind(search, search.machinery, solution, broken)

@@ -144,7 +144,9 @@ class Recourse:
         self._known: list[dict[bytes, _BranchSolution]] = [{} for _ in range(n)]
 
     def hold(self, columns: Mapping[int, Ints]) -> None:
-        """Holds these columns of some branches' programs at zero from now on, and no others."""
+        """Holds these columns of some branches' programs at zero from now on, and no
+        others of these branches.
+        """
         self.idle |= columns
 
     def solve(self, states: Floats, only: Collection[int] | None = None) -> SecondStage:

@@ -14,6 +14,7 @@ from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.microgrid import Microgrid
 from resilience.planning import scenario_program
 from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.testing import small_case
 
 MARGIN = 1.1
@@ -75,15 +76,22 @@ def test_what_the_horizon_never_asks_for_does_not_count() -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_plans_over_scenarios_cost_the_same(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Some ratings bind, some cannot, of random feeders under random storms."""
+    """Some ratings bind, some cannot, of random feeders in which storms take one line."""
     rng = np.random.default_rng(seed)
+    hit, idle = rng.choice(3, 2, replace=False)
+    ratings = rng.choice([0.4, 0.8, 2.0, 5.0], 3)
+    ratings[idle] = 5.0
     case = feeder(
-        rng.choice([0.4, 0.8, 2.0, 5.0], 3).tolist(),
+        ratings.tolist(),
         generator=[{"bus": "2", "p_max_mw": float(rng.uniform(0.1, 0.8)), "cost_per_mwh": 40.0}],
     )
-    down = rng.random((3, 4, 5)) < 0.3
+    down = rng.random((1, 4, 5)) < 0.5
     down[:, 0] = False
-    scenarios = Scenarios(("1-2", "2-3", "3-4")[: len(down)], down, np.full(5, 0.2))
+    scenarios = Scenarios((f"{hit + 1}-{hit + 2}",), down, np.full(5, 0.2))
+    microgrid = microgrid_with_fallible_lines(case, scenarios, "copperplate")
+    fewer = without_idle_ratings(microgrid).network.line_names
+    assert scenarios.lines[0] in fewer
+    assert f"{idle + 1}-{idle + 2}" not in fewer
 
     def cost() -> float:
         plan = rs.solve(case, "stochastic", scenarios=scenarios)
