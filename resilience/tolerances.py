@@ -51,7 +51,8 @@ EXACT_GAP = 1e-5
 far below."""
 
 AC_LIMIT_TOLERANCE = 1e-6
-"""pu, MVA or MW beyond a limit that count as none in an AC check: what a power flow leaves open."""
+"""pu, MVA, degrees or MW beyond a limit that count as none in an AC check: what a power flow leaves
+open."""
 
 SHED_TOLERANCE_MW = 1e-6
 """Shedding of a load in a slot up to this is a solver's rounding, in measures of service."""

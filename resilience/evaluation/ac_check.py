@@ -96,8 +96,8 @@ class TrajectoryACCheck:
 
     @property
     def outside(self) -> Bools:
-        """Members in which a voltage, a rating or a forming unit's range is exceeded."""
-        names = ("v_excess_pu", "overload_mva", "root_excess_mw")
+        """Members in which a voltage, a rating, an angle or a forming unit's range is exceeded."""
+        names = ("v_excess_pu", "overload_mva", "angle_excess_degree", "root_excess_mw")
         return np.any([self.values(name) > AC_LIMIT_TOLERANCE for name in names], axis=0)
 
     @property

@@ -31,6 +31,8 @@ class Carried:
         v_min_pu, v_max_pu: over the buses that are alive; NaN where none is.
         v_excess_pu: how far the worst bus lies outside its band; 0 within it.
         overload_mva: how far the worst line is beyond its rating; 0 within or without one.
+        angle_excess_degree: how far the voltages at the ends of the worst line are apart beyond its
+            limit; 0 within or without one.
         root_excess_mw: what the forming units together give or take beyond their ranges.
         root_worst_mw: the same of the worst of them.
         loss_mw: in all lines.
@@ -41,6 +43,7 @@ class Carried:
     v_max_pu: Floats
     v_excess_pu: Floats
     overload_mva: Floats
+    angle_excess_degree: Floats
     root_excess_mw: Floats
     root_worst_mw: Floats
     loss_mw: Floats
@@ -137,6 +140,7 @@ def _carried(solution: Flow, excess: Floats) -> Carried:
         v_max_pu=np.where(any_live, np.where(live, solution.v_pu, -np.inf).max(axis=0), np.nan),
         v_excess_pu=worst(solution.v_violation_pu),
         overload_mva=worst(solution.overload_mva),
+        angle_excess_degree=worst(solution.angle_excess_degree),
         root_excess_mw=np.where(solved, np.nan_to_num(excess).sum(axis=0), np.nan),
         root_worst_mw=worst(excess),
         loss_mw=solution.loss_mw,

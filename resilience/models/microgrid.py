@@ -209,6 +209,7 @@ class Microgrid:
         if self.physics != "copperplate":
             cell, sure = self._cells
             buses = voltages(network, fleets, sure[cell], self._looped)
+        shift = np.angle(network.ratio)
         lines = Lines(
             names=network.line_names,
             from_bus=network.from_bus,
@@ -219,6 +220,8 @@ class Microgrid:
             y_from=network.y_from_pu,
             y_to=network.y_to_pu,
             rating=network.rating_mva,
+            angle_min=np.radians(network.angle_min_degree) - shift,
+            angle_max=np.radians(network.angle_max_degree) - shift,
             limits=flow_limits(
                 self.case, network, fleets, buses, self._looped, losses=self.physics == "distflow"
             ),

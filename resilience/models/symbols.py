@@ -36,6 +36,8 @@ def showcase() -> Stage:
         y_from=np.full(1, 1j),
         y_to=np.full(1, 1j),
         rating=np.ones(1),
+        angle_min=np.full(1, -0.5),
+        angle_max=np.full(1, 0.5),
         limits=FlowLimits((None,), np.ones(1), *np.ones((3, 1, 1))),
         determined=np.ones(1, bool),
         fallible=np.ones(1, bool),

@@ -37,7 +37,7 @@ class WorstSlot:
     Attributes:
         name: of the bus, line or unit.
         time: of the slot.
-        value: there and then, pu, MVA or MW.
+        value: there and then, pu, MVA, degrees or MW.
         limit: in the same unit.
         excess: beyond the limit; negative: what remains up to it.
     """
@@ -58,6 +58,8 @@ class PlanACCheck:
         not_converged: times of the slots without a solution.
         undervoltage, overvoltage: bus and time nearest to its limit or farthest beyond it, pu.
         overload: the same for lines with a rating, MVA; None where no line has one.
+        angle: the same for the angle between the ends of lines that limit it, degrees; None where
+            none does.
         root: the same for the active power of the units that carry an island, MW.
         loss_mwh: AC losses.
         plan_loss_mwh: losses that the plan reckoned with.
@@ -70,6 +72,7 @@ class PlanACCheck:
     undervoltage: WorstSlot | None
     overvoltage: WorstSlot | None
     overload: WorstSlot | None
+    angle: WorstSlot | None
     root: WorstSlot | None
     loss_mwh: float
     plan_loss_mwh: float
@@ -79,13 +82,13 @@ class PlanACCheck:
     @property
     def ok(self) -> bool:
         """Every slot has a solution and no limit is exceeded."""
-        limits = (self.undervoltage, self.overvoltage, self.overload, self.root)
+        limits = (self.undervoltage, self.overvoltage, self.overload, self.angle, self.root)
         within = all(worst is None or worst.excess <= AC_LIMIT_TOLERANCE for worst in limits)
         return within and not self.not_converged
 
     def summary(self) -> dict[str, Any]:
         """Everything but the flow, as plain data."""
-        names = ("undervoltage", "overvoltage", "overload", "root")
+        names = ("undervoltage", "overvoltage", "overload", "angle", "root")
         worst = {name: getattr(self, name) for name in names}
         return {
             "ok": self.ok,
@@ -192,10 +195,14 @@ def _limits(case: Case, solution: Flow) -> dict[str, WorstSlot | None]:
     rated = np.flatnonzero(np.isfinite(network.rating_mva))
     loading, rating = solution.s_line_mva[rated], network.rating_mva[rated, None]
     names = [network.line_names[k] for k in rated]
+    angle = solution.line_angle_degree
+    angle_min, angle_max = network.angle_min_degree[:, None], network.angle_max_degree[:, None]
+    nearer = np.where(angle_min - angle > angle - angle_max, angle_min, angle_max)
     return {
         "undervoltage": _worst(case, network.bus_names, v, low, low - v),
         "overvoltage": _worst(case, network.bus_names, v, high, v - high),
         "overload": _worst(case, names, loading, rating, loading - rating),
+        "angle": _worst(case, network.line_names, angle, nearer, solution.angle_excess_degree),
     }
 
 

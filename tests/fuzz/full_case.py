@@ -205,7 +205,8 @@ def dark_case() -> dict[str, Any]:
     data["network"] |= {"impedance_scale": 1.1, "v_max_pu": 1.08, "parallel_grids": True,
                         "radial": False, "not_modelled": ["2 ways of lines"]}  # fmt: skip
     data["network"]["bus"][2] |= {"shunt_p_mw": 0.01, "shunt_q_mvar": -0.02}
-    data["network"]["line"][1] |= {"tap_ratio": 0.98, "shift_degree": 30.0, "in_service": True}
+    data["network"]["line"][1] |= {"tap_ratio": 0.98, "shift_degree": 30.0, "in_service": True,
+                                   "angle_min_degree": -10.0, "angle_max_degree": 65.0}  # fmt: skip
     data["pv"][0] |= {"q_mvar": 0.05, **FAILS}
     data["ess"][0] |= {"efficiency_charge": 0.9, **FAILS}
     data["generator"][0] |= {"start_failure": 0.01, **FAILS, "tank": "cistern",

@@ -58,6 +58,8 @@ class Branch:
         ratio: of the ideal transformer at `from_bus`, tap and phase shift.
         y_from_pu: admittance to earth behind it, pu on 1 MVA.
         y_to_pu: admittance to earth at `to_bus`, likewise.
+        angle_min_degree, angle_max_degree: how much the voltage at `from_bus` may lead that at
+            `to_bus`, phase shift included.
         open_at: `from` or `to` where one end alone is open, and charging hangs at the other.
     """
 
@@ -72,6 +74,8 @@ class Branch:
     ratio: complex = 1.0
     y_from_pu: complex = 0.0
     y_to_pu: complex = 0.0
+    angle_min_degree: float = float("-inf")
+    angle_max_degree: float = float("inf")
     open_at: Literal["", "from", "to"] = ""
 
     @property
@@ -213,6 +217,8 @@ def make_network(
         y_to_pu=np.array([b.y_to_pu for b in branches], dtype=np.complex128),
         y_bus_pu=y_bus,
         rating_mva=_column(branches, "rating_mva"),
+        angle_min_degree=_column(branches, "angle_min_degree"),
+        angle_max_degree=_column(branches, "angle_max_degree"),
         in_service=np.array([b.in_service for b in branches], dtype=np.bool_),
         switchable=fixed,
         switching_cost=np.zeros(count),

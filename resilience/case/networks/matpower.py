@@ -1,8 +1,8 @@
 """MATPOWER case files (`.m`, format version 2) as feeders.
 
-Taken over are branches with their taps, phase shifts, charging and ratings, shunts, voltage limits,
-loads, and generators with their limits and costs; a generator that can only take is a load with a
-price. What else the file states is listed in `Feeder.omissions`.
+Taken over are branches with their taps, phase shifts, charging, ratings and limits of angles,
+shunts, voltage limits, loads, and generators with their limits and costs; a generator that can only
+take is a load with a price. What else the file states is listed in `Feeder.omissions`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
-
-import numpy as np
 
 from resilience.arrays import Floats
 from resilience.case.networks.costs import UnitCost, piecewise_cost, polynomial_cost
@@ -30,7 +28,6 @@ from resilience.case.networks.feeder import (
     unit_omissions,
 )
 from resilience.case.networks.matpower_text import COLUMNS, read_tables, read_words
-from resilience.case.networks.network import Network
 from resilience.case.networks.omissions import Omission, omission
 from resilience.case.networks.pandapower_devices import driven_by
 
@@ -156,7 +153,6 @@ def _feeder(tables: dict[str, Floats], fuels: list[str], others: list[str]) -> F
         grid=grid,
         omissions=(
             *_of_buses(every, names),
-            *_of_angles(tables["branch"], network, names),
             *_of_units(generators, grid, driven, by_drive["ess"]),
             *_of_file(network.placeholder_kv, network.bus_names, others),
         ),
@@ -175,6 +171,7 @@ def _branches(table: Floats, names: dict[int, str], base_mva: float) -> list[Bra
         )
         r_pu, x_pu = (float(row[_BRANCH[key]]) / base_mva for key in ("BR_R", "BR_X"))
         half = complex(0.0, 0.5 * b * base_mva)
+        angle_min, angle_max = _angle_limits(row)
         branches.append(
             Branch(
                 start,
@@ -187,9 +184,22 @@ def _branches(table: Floats, names: dict[int, str], base_mva: float) -> list[Bra
                 ratio=cmath.rect(tap or 1.0, math.radians(shift)),
                 y_from_pu=half,
                 y_to_pu=half,
+                angle_min_degree=angle_min,
+                angle_max_degree=angle_max,
             )
         )
     return branches
+
+
+def _angle_limits(row: Floats) -> tuple[float, float]:
+    """(ANGMIN, ANGMAX) of a branch, degrees; 0, NaN and a full turn state none."""
+    if len(row) <= _BRANCH["ANGMAX"]:
+        return -math.inf, math.inf
+    low, high = (float(row[_BRANCH[key]]) for key in ("ANGMIN", "ANGMAX"))
+    return (
+        low if low and low > -_FULL_TURN else -math.inf,
+        high if high and high < _FULL_TURN else math.inf,
+    )
 
 
 def _limits(bus: Floats, names: dict[int, str]) -> dict[str, tuple[float, float]]:
@@ -285,33 +295,6 @@ def _of_buses(every: Floats, names: dict[int, str]) -> Iterator[Omission]:
     yield from omission("load bus of one fixed voltage", pinned, instead=_USUAL)
     isolated = [row for row in every if int(row[0]) not in names]
     yield from omission("isolated bus", [(f"{row[0]:g}", float(row[2])) for row in isolated], "MW")
-
-
-def _of_angles(table: Floats, network: Network, names: dict[int, str]) -> Iterator[Omission]:
-    """Limits of angles that may bind: those beyond what the rating of their branch lets through.
-
-    Of the impedance's flow S, |Im V_i' V_j*| = |x P - r Q| <= |z| |S|, and V_i' V_j* has a positive
-    real part as long as |z| |S| < V_i'^2. So |theta - shift| <= asin(|z| |S| / (V_i' V_j)).
-    """
-    if table.shape[1] <= _BRANCH["ANGMAX"]:
-        return
-    low_v, high_v = network.v_min_pu, network.v_max_pu
-    from_v = low_v[network.from_bus] / network.tap
-    charging = np.abs(network.y_from_pu) * (high_v[network.from_bus] / network.tap) ** 2
-    through = np.hypot(network.r_pu, network.x_pu) * (network.rating_mva + charging)
-    sine = through / np.minimum(from_v, low_v[network.to_bus]) / from_v
-    reach = np.degrees(np.where(sine < 1.0, np.arcsin(np.minimum(sine, 1.0)), np.inf))
-    shift = np.degrees(np.angle(network.ratio))
-    joining = [row for row in table if int(row[0]) in names and int(row[1]) in names]
-    low, high = (np.array([row[_BRANCH[key]] for row in joining]) for key in ("ANGMIN", "ANGMAX"))
-    lowest = np.where((low == 0.0) | (low <= -_FULL_TURN), -np.inf, low)  # either states none
-    highest = np.where((high == 0.0) | (high >= _FULL_TURN), np.inf, high)
-    binding = np.flatnonzero((shift - reach < lowest) | (shift + reach > highest))
-    if len(binding):
-        sizes = np.minimum(np.abs(lowest), np.abs(highest))[binding]
-        extent = " to ".join(dict.fromkeys(f"{x:g}" for x in (sizes.min(), sizes.max())))
-        places = [(network.line_names[k], 0.0) for k in binding]
-        yield from omission(f"angle limit of {extent} degrees", places, instead="none")
 
 
 def _of_units(

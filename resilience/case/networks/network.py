@@ -44,6 +44,9 @@ class Network:
         y_to_pu: (lines,) the same at `to_bus`.
         y_bus_pu: (buses,) shunts, pu on 1 MVA.
         rating_mva: (lines,) limit of apparent power, MVA; inf for none.
+        angle_min_degree: (lines,) least that the voltage at `from_bus` may lead the one at
+            `to_bus` by, degrees, phase shift included; -inf for none.
+        angle_max_degree: (lines,) the most, likewise; inf for none.
         in_service: (lines,) whether the line is closed at first.
         switchable: (lines,) whether it can be opened and closed.
         switching_cost: (lines,) $ per action.
@@ -71,6 +74,8 @@ class Network:
     y_to_pu: Complexes
     y_bus_pu: Complexes
     rating_mva: Floats
+    angle_min_degree: Floats
+    angle_max_degree: Floats
     in_service: Bools
     switchable: Bools
     switching_cost: Floats

@@ -98,6 +98,8 @@ def _inline(table: NetworkTable) -> Feeder:
             ratio=cmath.rect(line.tap_ratio or 1.0, math.radians(line.shift_degree)),
             y_from_pu=0.5 * complex(line.g_us, line.b_us) * 1e-6 * vn_kv[line.to] ** 2,
             y_to_pu=0.5 * complex(line.g_us, line.b_us) * 1e-6 * vn_kv[line.to] ** 2,
+            angle_min_degree=-math.inf if line.angle_min_degree is None else line.angle_min_degree,
+            angle_max_degree=math.inf if line.angle_max_degree is None else line.angle_max_degree,
         )
         for line in table.line
     ]

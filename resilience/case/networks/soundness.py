@@ -11,6 +11,8 @@ from resilience.case.networks.network import Network
 
 MAX_KV = 1000.0  # of a bus; beyond, V were given as kV
 MAX_TAP = 4.0  # of a ratio in per unit; beyond, kV were given in place of it, or nominal voltages
+ROUNDING_DEGREE = 1e-9  # of a phase shift
+IDLE = "angle_{}_degree that lets the branch carry nothing: at its phase shift"
 _FEW = 5
 
 
@@ -23,6 +25,8 @@ def network_findings(network: Network, key: str = "") -> Iterator[tuple[str, str
     """
     vn_kv, low, high = network.vn_kv, network.v_min_pu, network.v_max_pu
     r, x, rating = network.r_pu, network.x_pu, network.rating_mva
+    shift = np.degrees(np.angle(network.ratio))
+    angle_min, angle_max = network.angle_min_degree, network.angle_max_degree
     charging, shunt = np.abs(network.y_from_pu) + np.abs(network.y_to_pu), np.abs(network.y_bus_pu)
     with np.errstate(invalid="ignore"):
         rules: tuple[tuple[tuple[str, ...], str, Floats, Bools, str], ...] = (
@@ -41,6 +45,10 @@ def network_findings(network: Network, key: str = "") -> Iterator[tuple[str, str
             (network.bus_names, "bus", shunt, np.isfinite(shunt), "a shunt of finite size"),
             (network.line_names, "branch", rating, rating > 0,
              "rating_mva above 0; no limit where there is none"),
+            (network.line_names, "branch", angle_min, angle_min <= shift + ROUNDING_DEGREE,
+             IDLE.format("min")),
+            (network.line_names, "branch", angle_max, angle_max >= shift - ROUNDING_DEGREE,
+             IDLE.format("max")),
         )  # fmt: skip
     for names, element, values, sound, allowed in rules:
         wrong = np.flatnonzero(~sound)

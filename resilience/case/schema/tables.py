@@ -82,6 +82,14 @@ class BranchTable(Table):
         0.0, description="phase shift of a transformer, degrees that `from` leads `to`"
     )
     rating_mva: Positive | None = Field(None, description="thermal limit, MVA; absent: none")
+    angle_min_degree: float | None = Field(
+        None,
+        description="least that the voltage at `from` may lead that at `to` by, degrees, "
+        "shift_degree included and not above it; absent: no limit",
+    )
+    angle_max_degree: float | None = Field(
+        None, description="the most, likewise and not below shift_degree; absent: no limit"
+    )
     in_service: bool = Field(True, description="false: open, as a tie line in normal operation")
     name: Name | None = Field(None, description='name of the line; default "from-to"')
 

@@ -20,7 +20,8 @@ of $v$ stands
 $$ w = v - \omega, \qquad 0 \le w \le \overline{V}^2 z, \qquad
 0 \le \omega \le \overline{V}^2 (1 - z) $$
 
-What parallel lines share, and what closes loops, is in `resilience.models.components.loops`.
+What parallel lines share, what closes loops, and limits of angles are in
+`resilience.models.components.loops`.
 
 A line that is out carries nothing, $|P|, |Q| \le \overline{F} z$, and leaves the voltages of its
 ends free of each other, $|\sigma| \le \overline{\sigma} (1 - z)$. The status $z$ is data; only a
@@ -61,7 +62,7 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.algebra import Affine, Labels, labelled, replaced, scatter, stack
 from resilience.models.components.base import Injection
 from resilience.models.components.line_data import LineData
-from resilience.models.components.loops import close_loops, share
+from resilience.models.components.loops import close_loops, limit_angles, share
 from resilience.models.language.stage import Stage
 from resilience.models.network.limits import MARGIN
 from resilience.models.network.situation import Situation
@@ -102,6 +103,7 @@ class Lines(LineData):
         p_end, q_end = self._voltages(stage, p, q, v_i, v_j, status)
         share(self, stage, p, q, v_i)
         close_loops(self, stage, (p, q), (v_i, v_j), status)
+        limit_angles(self, stage, (p, q), v_i)
         p_sent, q_sent = self._charged(stage, "from", (p, q), v_i, status)
         p_end, q_end = self._charged(stage, "to", (p_end, q_end), v_j, status)
         if self.losses and self.loss_cost_per_mwh:

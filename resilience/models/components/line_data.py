@@ -22,6 +22,8 @@ class LineData:
         ratio: of the ideal transformer at the first end, tap and phase shift.
         y_from, y_to: charging at the two ends, pu; the first behind the ratio.
         rating: thermal limit, MVA; infinite without one.
+        angle_min, angle_max: how much the voltage behind the ratio may lead that at the second end,
+            rad; infinite without a limit.
         limits: F in the module's docstring, and what it is made of.
         determined: lines whose flow follows from the injections; elsewhere it may circulate.
         fallible: lines that data may take out.
@@ -48,6 +50,8 @@ class LineData:
     y_from: Complexes
     y_to: Complexes
     rating: Floats
+    angle_min: Floats
+    angle_max: Floats
     limits: FlowLimits
     determined: Bools
     fallible: Bools

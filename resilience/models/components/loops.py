@@ -1,4 +1,4 @@
-r"""What lines have to agree in: parallel ones in what they share, those of a loop in angles.
+r"""Angles of lines: what parallel ones share, what closes loops, and how far voltages may part.
 
 Parallel lines share what they carry as their impedances have it. They have one angle between their
 ends, and $V_i V_j^* = a (v_i / \tau^2 - (r - \mathrm{j} x)(P + \mathrm{j} Q))$ is the same for
@@ -18,6 +18,14 @@ v_i / \tau^2 - r P - x Q) $$
 exactly (`resilience.models.structures.angle`), and without losses $\tau (x P - r Q)$ on the right.
 The slack $\delta$ opens where the line is out. Trees have no such rows: there angles always exist.
 
+Limits of angles, $\underline{\theta} \le \theta_i - \theta_j - \varphi \le
+\overline{\theta}$ within 90 degrees of zero, are rows where the line's rating lets them bind:
+
+$$ \tan \underline{\theta}\; r_l \le i_l \le \tan \overline{\theta}\; r_l $$
+
+and without losses $\underline{\theta} \le \tau (x P - r Q) \le \overline{\theta}$. A line that
+carries nothing keeps them, so they need no slack. At copperplate there are no angles.
+
 | symbol | name | unit |
 |---|---|---|
 | $\theta_b$ | `bus.angle`, only where lines make loops | rad |
@@ -34,6 +42,7 @@ from resilience.models.algebra import Affine, labelled, scatter
 from resilience.models.components.line_data import LineData
 from resilience.models.language.stage import Stage
 
+RIGHT_ANGLE = 0.5 * np.pi  # rad: from here on a limit says nothing
 TURN_MAX = 7.0  # rad: two angles of buses, and what phase shifts leave
 
 
@@ -109,6 +118,49 @@ def close_loops(
         return
     re = (v_i - p * lines.r - q * lines.x)[rows]
     stage.angle("line.loop", labelled(theta, names), re, im, (v_i[rows], v_j[rows]))
+
+
+def limit_angles(lines: LineData, stage: Stage, flow: tuple[Affine, Affine], v_i: Affine) -> None:
+    """No line has a larger angle between its ends than it may.
+
+    Args:
+        lines: all lines.
+        stage: to state it in.
+        flow: P and Q, into the impedance.
+        v_i: squared voltage at the first end, behind the ratio.
+    """
+    (p, q), reach = flow, _angles_let_through(lines)
+    im, re = p * lines.x - q * lines.r, v_i - p * lines.r - q * lines.x
+    for name, limit, sign in (
+        ("line.angle_min", -lines.angle_min, -1.0),
+        ("line.angle_max", lines.angle_max, 1.0),
+    ):
+        rows = np.flatnonzero((limit < reach) & (limit < RIGHT_ANGLE))
+        if not len(rows):
+            continue
+        names, width = tuple(lines.names[k] for k in rows), limit[rows]
+        if lines.losses:
+            beyond = im[rows] * sign - re[rows] * np.tan(width)
+        else:
+            beyond = im[rows] * (sign * lines.tap[rows]) - width
+        stage.le(name, labelled(beyond, names))
+
+
+def _angles_let_through(lines: LineData) -> Floats:
+    """(lines,) the largest angle that a rating leaves, rad; infinite if any.
+
+    Of the impedance's flow S, |Im V_i' V_j*| = |x P - r Q| <= |z| |S|, and V_i' V_j* has a positive
+    real part as long as |z| |S| < V_i'^2. So |theta| <= asin(|z| |S| / (V_i' V_j)).
+    """
+    assert lines.v_min is not None
+    assert lines.v_max is not None
+    low = lines.v_min[lines.from_bus] / lines.tap, lines.v_min[lines.to_bus]
+    charging = np.abs(lines.y_from) * (lines.v_max[lines.from_bus] / lines.tap) ** 2
+    through = np.hypot(lines.r, lines.x) * (lines.rating + charging)
+    if not lines.losses:
+        return through * lines.tap
+    sine = through / np.minimum(*low) / low[0]
+    return np.where(sine < 1.0, np.arcsin(np.minimum(sine, 1.0)), np.inf)
 
 
 def parallel(lines: LineData) -> tuple[Ints, Ints, Floats]:

@@ -98,14 +98,23 @@ def bundle(network: Network, fallible: Bools) -> Network:
         return network
     r, x, rating = network.r_pu.copy(), network.x_pu.copy(), network.rating_mva.copy()
     y_from, y_to = network.y_from_pu.copy(), network.y_to_pu.copy()
+    angle_min, angle_max = network.angle_min_degree.copy(), network.angle_max_degree.copy()
     keep = np.ones(len(r), bool)
     for members in parallel:
         first, z = members[0], r[members] + 1j * x[members]
         joint, rating[first] = _in_parallel(z, rating[members])
         r[first], x[first] = joint.real, joint.imag
         y_from[first], y_to[first] = y_from[members].sum(), y_to[members].sum()
+        turned = network.from_bus[members] != network.from_bus[first]
+        angle_min[first] = np.where(turned, -angle_max[members], angle_min[members]).max()
+        angle_max[first] = np.where(
+            turned, -network.angle_min_degree[members], angle_max[members]
+        ).min()
         keep[members[1:]] = False
-    joined = replace(network, r_pu=r, x_pu=x, rating_mva=rating, y_from_pu=y_from, y_to_pu=y_to)
+    joined = replace(
+        network, r_pu=r, x_pu=x, rating_mva=rating, y_from_pu=y_from, y_to_pu=y_to,
+        angle_min_degree=angle_min, angle_max_degree=angle_max,
+    )  # fmt: skip
     return _lines(joined, np.flatnonzero(keep))
 
 
@@ -157,6 +166,8 @@ def _lines(network: Network, keep: Ints) -> Network:
             "y_from_pu",
             "y_to_pu",
             "rating_mva",
+            "angle_min_degree",
+            "angle_max_degree",
             "in_service",
             "switchable",
             "switching_cost",

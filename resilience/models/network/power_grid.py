@@ -17,7 +17,7 @@ RATED_V = 1e3
 SHORT_CIRCUIT_VA = 1e16  # of a root: 1e-10 pu behind it, where the default is 1e-4
 MIN_X_PU = 1e-8  # in place of an impedance of zero, which has no admittance
 OUTPUT: Any = {
-    "node": ["u_pu"],
+    "node": ["u_pu", "u_angle"],
     "line": ["p_from", "q_from", "s_from", "p_to", "s_to"],
     "source": ["p", "q"],
 }

@@ -44,6 +44,7 @@ class Flow:
         network: what was solved.
         converged: (members,) False where there is no solution or an injection is no number.
         v_pu: (buses, members), NaN where a bus is dead.
+        v_angle_rad: (buses, members) of the voltage, NaN likewise.
         p_line_mw, q_line_mvar: (lines, members) at the sending end, 0 where nothing flows.
         s_line_mva: (lines, members) apparent power at the end where it is larger.
         loss_mw: (members,) in all lines and shunts.
@@ -53,6 +54,7 @@ class Flow:
     network: Network = field(repr=False)
     converged: Bools
     v_pu: Floats = field(repr=False)
+    v_angle_rad: Floats = field(repr=False)
     p_line_mw: Floats = field(repr=False)
     q_line_mvar: Floats = field(repr=False)
     s_line_mva: Floats = field(repr=False)
@@ -70,6 +72,7 @@ class Flow:
             network,
             converged.copy(),
             v_pu=dead,
+            v_angle_rad=dead.copy(),
             p_line_mw=none,
             q_line_mvar=none.copy(),
             s_line_mva=none.copy(),
@@ -82,6 +85,21 @@ class Flow:
     def overload_mva(self) -> Floats:
         """(lines, members) apparent power beyond the rating; 0 within it or without one."""
         return np.maximum(self.s_line_mva - self.network.rating_mva[:, None], 0.0)
+
+    @property
+    def line_angle_degree(self) -> Floats:
+        """(lines, members) by how much the voltage at the first end leads that at the second, from
+        -180 to 180; NaN where nothing flows.
+        """
+        lead = self.v_angle_rad[self.network.from_bus] - self.v_angle_rad[self.network.to_bus]
+        return np.where(self.s_line_mva > 0.0, np.degrees(np.angle(np.exp(1j * lead))), np.nan)
+
+    @property
+    def angle_excess_degree(self) -> Floats:
+        """(lines, members) how far that lies beyond the line's limits; negative within them."""
+        angle, network = self.line_angle_degree, self.network
+        low, high = network.angle_min_degree[:, None], network.angle_max_degree[:, None]
+        return np.maximum(low - angle, angle - high)
 
     @property
     def v_violation_pu(self) -> Floats:
@@ -242,7 +260,9 @@ def _solve(members: _Members, group: Ints, solution: Flow) -> None:
     error = model.batch_error
     if error is not None:
         solution.converged[group[np.asarray(error.failed_scenarios, np.intp)]] = False
-    solution.v_pu[:, group] = np.where(live, answer["node"]["u_pu"].T, np.nan)
+    node = answer["node"]
+    solution.v_pu[:, group] = np.where(live, node["u_pu"].T, np.nan)
+    solution.v_angle_rad[:, group] = np.where(live, node["u_angle"].T, np.nan)
     if len(wires.line):
         _write_lines(answer["line"], np.ix_(wires.line, group), solution)
         loss_w = answer["line"]["p_from"] + answer["line"]["p_to"]
@@ -284,6 +304,7 @@ def _write_lines(line: Any, places: tuple[Ints, ...], solution: Flow) -> None:
 def _mask(solution: Flow) -> None:
     """What power-grid-model leaves in a failed member are numbers that mean nothing."""
     failed = ~solution.converged
-    for name in ("v_pu", "p_line_mw", "q_line_mvar", "s_line_mva", "p_root_mw", "q_root_mvar"):
+    flows = "p_line_mw", "q_line_mvar", "s_line_mva", "p_root_mw", "q_root_mvar"
+    for name in ("v_pu", "v_angle_rad", *flows):
         getattr(solution, name)[:, failed] = np.nan
     solution.loss_mw[failed] = np.nan

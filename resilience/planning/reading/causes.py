@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,8 +12,10 @@ from resilience.arrays import Bools, Floats, Ints
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, in_roles
 from resilience.planning.reading.reasons import (
+    AT_LIMIT,
     ShedLoad,
-    behind_ratings,
+    at_angle,
+    behind,
     reactive_room,
     source_limits,
     voltage_limits,
@@ -85,10 +87,13 @@ class _Facts:
         fleets = in_roles(every, "storage", "dispatchable", "weather", "exchange")
         return [(fleet, *source_limits(self.program, self.z, fleet)) for fleet in fleets]
 
-    @cached_property
-    def behind(self) -> dict[int, Bools]:
-        """See `reasons.behind_ratings`."""
-        return behind_ratings(self.program, self.z)
+    def over(self, entry: ShedLoad) -> Iterator[tuple[int, Ints, float]]:
+        """Lines at their limit before the load, the slots, and MW over if nothing were shed."""
+        bus, near = entry.fleet.bus[entry.row], AT_LIMIT[entry.reason](self.program, self.z)
+        for k, buses in behind(self.program, self.z, near).items():
+            slots = entry.slots[buses[bus, entry.slots]]
+            if len(slots):
+                yield k, slots, float((self.shed_at * buses)[:, slots].sum(axis=0).max())
 
     def numbers(self, entry: ShedLoad) -> Ints:
         """(slots shed,) the load's island in each of these."""
@@ -197,14 +202,23 @@ def _voltage(facts: _Facts, entry: ShedLoad) -> str:
 
 
 def _rating(facts: _Facts, entry: ShedLoad) -> str:
-    network, bus = facts.program.microgrid.network, entry.fleet.bus[entry.row]
-    parts = []
-    for k, behind in facts.behind.items():
-        slots = entry.slots[behind[bus, entry.slots]]
-        if len(slots):
-            short = (facts.shed_at * behind)[:, slots].sum(axis=0).max()
-            rating = f"line {network.line_names[k]} is at its rating of {network.rating_mva[k]:g}"
-            parts.append(f"{rating} MVA, {short:.3g} MW over if nothing behind it were shed")
+    network = facts.program.microgrid.network
+    return "; ".join(
+        f"line {network.line_names[k]} is at its rating of {network.rating_mva[k]:g} MVA, "
+        f"{short:.3g} MW over if nothing behind it were shed"
+        for k, _, short in facts.over(entry)
+    )
+
+
+def _angle(facts: _Facts, entry: ShedLoad) -> str:
+    network, parts = facts.program.microgrid.network, []
+    leads = at_angle(facts.program, facts.z, "line.angle_max")
+    for k, slots, short in facts.over(entry):
+        limits = network.angle_max_degree if leads[k, slots].any() else network.angle_min_degree
+        parts.append(
+            f"line {network.line_names[k]} is at its limit of {limits[k]:g} degrees between its "
+            f"ends, {short:.3g} MW over if nothing behind it were shed"
+        )
     return "; ".join(parts)
 
 
@@ -229,6 +243,7 @@ _SENTENCES: Mapping[str, Callable[[_Facts, ShedLoad], str]] = {
     "reactive": _reactive,
     "voltage": _voltage,
     "rating": _rating,
+    "angle": _angle,
     "block": _block,
     "price": _price,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ REASONS = {
     "fuel saved": "generators save what is in the tank for a later slot",
     "voltage": "voltages of its island are at both ends of their band",
     "rating": "a line on its way is at its rating",
+    "angle": "a line on its way is at a limit of the angle between its ends",
     "block": "the load can only be served whole",
     "price": "shedding is cheaper than the sources left, or limits such as ramps hold them",
 }
@@ -92,15 +94,16 @@ def _reason(causes: dict[str, Bools], bus: int, island: int, t: int, is_block: b
     for reason in ("reactive", "saved", "fuel saved", "voltage"):
         if causes[reason][island, t]:
             return reason
-    if causes["rating"][bus, t]:
-        return "rating"
+    for reason in AT_LIMIT:
+        if causes[reason][bus, t]:
+            return reason
     return "block" if is_block else "price"
 
 
 def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
     """(islands, slots) what is true of every island, see the names used in `_reason`.
 
-    `rating` is (buses, slots): which of them are behind a line at its rating.
+    Those of `AT_LIMIT` are (buses, slots): which of them are behind such a line.
     """
     situation, fleets = as_switched(program, z), program.microgrid.fleets.values()
     none = np.zeros(situation.island.shape, bool)
@@ -136,7 +139,10 @@ def _causes(program: CaseProgram, z: Floats) -> dict[str, Bools]:
         "saved": saved["energy"],
         "fuel saved": saved["fuel"],
         "voltage": in_islands(buses, lowest) & in_islands(buses, highest),
-        "rating": np.logical_or.reduce([none, *behind_ratings(program, z).values()]),
+        **{
+            reason: np.logical_or.reduce([none, *behind(program, z, at_limit(program, z)).values()])
+            for reason, at_limit in AT_LIMIT.items()
+        },
     }
 
 
@@ -203,18 +209,43 @@ def _at_rating(program: CaseProgram, z: Floats) -> Bools:
     return near & as_switched(program, z).line_up
 
 
-def behind_ratings(program: CaseProgram, z: Floats) -> dict[int, Bools]:
-    """Per line that is ever at its rating, (buses, slots) which buses it holds power back from.
+def at_angle(program: CaseProgram, z: Floats, name: str) -> Bools:
+    """(lines, slots) whether a line is at `line.angle_min` or `line.angle_max`."""
+    standard, names = program.standard, program.microgrid.network.line_names
+    near = np.zeros((len(names), program.situation.n), bool)
+    for row in standard.form.stage.rows:
+        if row.name == name:
+            rows = standard.rows(name)
+            slack = program.vectors.row_upper[rows] - (standard.a @ z)[rows]
+            near[[names.index(label) for label in row.labels]] = slack <= AT_LIMIT_TOLERANCE
+    return near & as_switched(program, z).line_up
+
+
+AT_LIMIT: Mapping[str, Callable[[CaseProgram, Floats], Bools]] = {
+    "rating": _at_rating,
+    "angle": lambda program, z: (
+        at_angle(program, z, "line.angle_min") | at_angle(program, z, "line.angle_max")
+    ),
+}
+"""(lines, slots) which lines are at what limit, by the keys of `REASONS`."""
+
+
+def behind(program: CaseProgram, z: Floats, near: Bools) -> dict[int, Bools]:
+    """Per line that is ever at a limit, (buses, slots) which buses it holds power back from.
 
     These are the ones that only that line feeds; in a loop, all of the island.
+
+    Args:
+        program: what was solved.
+        z: (columns,) its point.
+        near: (lines, slots) which lines are at it, see `AT_LIMIT`.
     """
-    near = _at_rating(program, z)
     rows = np.flatnonzero(near.any(axis=1))
     if not len(rows):
         return {}
     microgrid, situation = program.microgrid, as_switched(program, z)
     flow = z[program.standard.columns("line.p")]
-    behind: dict[int, Bools] = {}
+    held_back: dict[int, Bools] = {}
     for k in rows.tolist():
         slots = np.flatnonzero(near[k])
         up = situation.line_up[:, slots].copy()
@@ -225,6 +256,6 @@ def behind_ratings(program: CaseProgram, z: Floats) -> dict[int, Bools]:
         columns = np.arange(len(slots))
         in_loop = island[to, columns] == island[start, columns]
         parts = np.where(in_loop, situation.island[:, slots], island)
-        behind[k] = np.zeros(situation.island.shape, bool)
-        behind[k][:, slots] = parts == parts[to, columns]
-    return behind
+        held_back[k] = np.zeros(situation.island.shape, bool)
+        held_back[k][:, slots] = parts == parts[to, columns]
+    return held_back

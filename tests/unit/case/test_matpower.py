@@ -297,33 +297,26 @@ def test_fuels_of_another_length_are_named(tmp_path):
     assert str(feeder.omissions[-1]) == "1 table (mpc.genfuel)"
 
 
-ANGLES = {  # columns 4 and 6 to 13 of one branch of 0 + 0.3j pu between voltages of 0.9 to 1.1 pu
-    # asin(0.3 / 0.81) = 21.7 degrees is the most that 1 MVA needs.
-    "a rating that leaves room": ("0 1 1 1 0 0 1 -30 30", ""),
-    "a rating that does not": ("0 1 1 1 0 0 1 -21 21.5", "21"),
-    "no rating": ("0 0 0 0 0 0 1 -30 30", "30"),
-    "one side": ("0 0 0 0 0 0 1 -360 25", "25"),
-    "zeros": ("0 0 0 0 0 0 1 0 0", ""),
-    "a full turn": ("0 0 0 0 0 0 1 -360 360", ""),
-    # Of the voltages at the buses: the shift is in it.
-    "a shift": ("0 1 1 1 0 10 1 -30 30", "30"),
-    # Of the 1 MVA, charging may hide 0.2 * 1.21: asin(0.3 * 1.242 / 0.81) = 27.4 degrees.
-    "charging": ("0.4 1 1 1 0 0 1 -27.3 27.3", "27.3"),
-    "less charging": ("0.4 1 1 1 0 0 1 -27.5 27.5", ""),
-    # V' = V / 1.1 is less: asin(0.3 / (0.9 / 1.1)^2) = 26.6 degrees.
-    "a tap": ("0 1 1 1 1.1 0 1 -26.5 26.5", "26.5"),
-    "less of a tap": ("0 1 1 1 1.1 0 1 -26.7 26.7", ""),
+ANGLES = {  # columns 12 and 13 of a branch, degrees; MATPOWER has 0 and a full turn for none
+    "both": ("-30 21.5", (-30.0, 21.5)),
+    "one side": ("-360 25", (-np.inf, 25.0)),
+    "zeros": ("0 0", (-np.inf, np.inf)),
+    "a full turn": ("-360 360", (-np.inf, np.inf)),
+    "no numbers": ("NaN NaN", (-np.inf, np.inf)),
+    "no columns": ("", (-np.inf, np.inf)),
 }
 
 
 @pytest.mark.parametrize("name", ANGLES)
-def test_limits_of_angles_are_named_where_they_may_bind(name, tmp_path):
-    columns, size = ANGLES[name]
+def test_limits_of_angles_are_read(name, tmp_path):
+    columns, limits = ANGLES[name]
     text = f"""\
 mpc.version = '2';
 mpc.baseMVA = 1;
 mpc.bus = [ 1 3 0 0 0 0 1 1 0 10 1 1.1 0.9; 2 1 0.5 0 0 0 1 1 0 10 1 1.1 0.9 ];
-mpc.branch = [ 1 2 0 0.3 {columns} ];
+mpc.branch = [ 1 2 0 0.3 0 1 1 1 0 0 1 {columns} ];
 """
-    named = [f"1 angle limit of {size} degrees (1-2), here none"] if size else []
-    assert [str(omission) for omission in read(tmp_path, text).omissions] == named
+    feeder = read(tmp_path, text)
+    assert feeder.omissions == ()
+    network = feeder.network
+    assert (network.angle_min_degree[0], network.angle_max_degree[0]) == limits

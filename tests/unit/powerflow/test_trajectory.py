@@ -79,11 +79,15 @@ def test_pieces_of_the_batch_change_nothing(world: World, monkeypatch: pytest.Mo
         np.testing.assert_allclose(whole.values(name), small_pieces.values(name), atol=1e-9)
 
 
-def line(r: float, **more: Any) -> World:
-    """1 MW behind a line of 10 kV; the line is out in slot 1 of the second scenario."""
+def line(r: float, angle_max_degree: float | None = None, **more: Any) -> World:
+    """1 MW behind a line of 10 kV; the line is out in slot 1 of the second scenario.
+
+    With a limit of its angle `r` is its reactance.
+    """
+    limited = {"angle_max_degree": angle_max_degree}
     case = small_case(
         buses=2,
-        lines=[(1, 2, r, 0.0)],
+        lines=[(1, 2, r, 0.0) if angle_max_degree is None else (1, 2, 0.0, r, limited)],
         line_tables=[{"name": "1-2", "breakpoint": True}],
         load=[{"bus": "2", "p_max_mw": 1.0, "shed_cost_per_mwh": 9.0}],
         grid=[{"import_max_mw": 1.0, "import_cost_per_mwh": 1.0}],
@@ -117,6 +121,19 @@ def test_the_grid_gives_the_losses_and_exceeds_its_limit_by_them() -> None:
     worst = found.worst().undervoltage_pu
     assert worst is not None
     assert worst.value == pytest.approx(v)
+
+
+def test_an_angle_beyond_its_limit_is_outside() -> None:
+    """1 MW without Mvar over x = 0.2 pu, sin(2 theta) = 2 x P: 11.8 degrees, of which 10 may be.
+
+    In the island, where the line is out, there is no angle between its ends.
+    """
+    world = line(0.2, 10.0)
+    found = ac_check_trajectory(world, simulate(world, Idle(world.setting)))
+    beyond = 0.5 * np.degrees(np.arcsin(0.4)) - 10.0
+    excess = np.array([[beyond, beyond], [beyond, 0.0]])
+    assert found.values("angle_excess_degree") == pytest.approx(excess, abs=1e-6)
+    assert found.outside.tolist() == [[True, True], [True, False]]
 
 
 def test_members_without_solution_are_masked_and_counted() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+import pytest
+
 import resilience as rs
 from resilience.testing import small_case
 
@@ -92,6 +95,18 @@ def test_a_line_at_its_rating_is_named_with_what_it_is_over() -> None:
     assert why["load1"] == {"rating": over}
     assert why["load2"].keys() == {"price"}
     assert "0.5 $/MWh" in why["load2"]["price"]
+
+
+@pytest.mark.parametrize("limit", ["angle_max_degree", "angle_min_degree"])
+def test_a_line_at_the_limit_of_its_angle_is_named_with_what_it_is_over(limit: str) -> None:
+    """Of 2 MW 0.02 rad over 0.016 pu let 1.25 through, whichever end the line begins at."""
+    ends, sign = ((1, 2), 1.0) if limit == "angle_max_degree" else ((2, 1), -1.0)
+    line = (*ends, 0.0, 0.016, {limit: sign * float(np.degrees(0.02))})
+    why = causes("lp", outages=[], lines=[line])
+    degrees = f"{sign * np.degrees(0.02):g}"
+    over = f"at its limit of {degrees} degrees between its ends, 0.75 MW over if nothing behind it"
+    assert why["load1"].keys() == {"angle"}
+    assert over in why["load1"]["angle"]
 
 
 def test_in_a_loop_every_line_at_its_rating_is_named() -> None:

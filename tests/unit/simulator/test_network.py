@@ -58,6 +58,14 @@ def test_charging_is_cut_back_where_even_shedding_does_not_lift_the_voltage() ->
     assert found["load.shed[load1]"] == pytest.approx([1.5], abs=1e-6)
 
 
+def test_an_angle_sheds_what_the_line_cannot_bring() -> None:
+    """x P <= 0.02 rad lets 0.8 MW through."""
+    line = (1, 2, 0.0, 0.025, {"angle_max_degree": float(np.degrees(0.02))})
+    case = small_case(buses=2, lines=[line], load=[LOAD], ess=[ESS], grid=[GRID])
+    found = stepped(case, "lindistflow", 0.0, 0.3, -0.4)
+    assert found["load.shed[load1]"] == pytest.approx([0.7, 1.0, 0.3], abs=1e-6)
+
+
 def test_a_high_voltage_cuts_discharging_back_and_then_spills() -> None:
     """v = 1 + 0.2 P <= 1.21 lets 1.05 MW out; of 2 MW that must be taken 0.5 are used here."""
     case = two_buses(
