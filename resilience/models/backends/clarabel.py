@@ -23,6 +23,8 @@ from resilience.tolerances import CONFLICT_TOLERANCE, RELAXATION_TOLERANCE
 
 INFEASIBLE_STATUS = "PrimalInfeasible"
 NOT_SOLVED = (INFEASIBLE_STATUS, "DualInfeasible", "AlmostPrimalInfeasible")
+LEAST_SHARE = 0.5
+"""Of a multiplier that is left of it, see `SecondOrderRows.turned`."""
 BROKEN = (INFEASIBLE_STATUS, None, np.inf)
 
 
@@ -43,6 +45,41 @@ class SecondOrderRows:
         moves = free.astype(float)
         count: Floats = sum(abs(m) @ moves for m in self.matrices)
         return np.asarray(count > 0.0)
+
+    def turned(self, y: Floats, reduced: Floats) -> Floats:
+        """Multipliers (k + 1, n) that make negative costs of t + x_k less, at the price of t - x_k.
+
+        With u = t + x_k and v = t - x_k an element says that u v is at least the sum of the other
+        squares, and of multipliers the same: alpha = y_t + y_k of u is made less by what the cost
+        of its column lacks, and beta = y_t - y_k of v larger in proportion. A solver that leaves
+        1e-8 $ on a current which no bound holds within 1e4 has a bound that is off by 1e-4 $
+        otherwise; of v, a voltage, the bounds are near.
+
+        Args:
+            y: multipliers within their cones.
+            reduced: (columns,) cost of every column, multipliers of rows and cones included.
+        """
+        alpha, beta = y[0] + y[-1], y[0] - y[-1]
+        rows, columns, weights = self._columns_of_u()
+        lacks = np.zeros(len(alpha))
+        lacks[rows] = reduced[columns] / weights
+        smaller = np.maximum(alpha + lacks, LEAST_SHARE * alpha)
+        lacking = (lacks < 0.0) & (smaller > 0.0)
+        others = (y[1:-1] ** 2).sum(axis=0)
+        alpha = np.where(lacking, smaller, alpha)
+        beta = np.where(lacking, others / np.where(lacking, smaller, 1.0), beta)
+        return _in_cone(np.stack([0.5 * (alpha + beta), *y[1:-1], 0.5 * (alpha - beta)]))
+
+    def _columns_of_u(self) -> tuple[Ints, Ints, Floats]:
+        """Elements in which t + x_k has one column, that column, and its weight in t and in x_k.
+
+        Those with that column in t - x_k, too, are left out, as those of a disc.
+        """
+        u, v = (sp.csr_array(self.matrices[0] + sign * self.matrices[-1]) for sign in (1.0, -1.0))
+        u.eliminate_zeros()
+        in_both = abs(u.multiply(v)).sum(axis=1) > 0.0
+        rows = np.flatnonzero((np.diff(u.indptr) == 1) & ~np.asarray(in_both).ravel())
+        return rows, u.indices[u.indptr[rows]], 0.5 * u.data[u.indptr[rows]]
 
     def short(self, z: Floats) -> Floats:
         """(n,) by how much t is less than |(x1, x2, ...)| at z, negative where it is more."""
@@ -190,23 +227,35 @@ class ConeProgram:
         for chosen, sign in zip(split.kinds, (1.0, 1.0, -1.0), strict=True):
             rows[chosen] += sign * duals[first : first + len(chosen)]
             first += len(chosen)
-        slope, offset, first = np.zeros(self.a.shape[1]), 0.0, split.n_linear
-        multipliers = []
+        first, multipliers = split.n_linear, []
         for cone, chosen in zip(self.cones, split.moving, strict=True):
             size = len(cone.matrices)
             moved = np.zeros((size, len(cone.consts[0])))
             stop = first + size * len(chosen)
             moved[:, chosen] = duals[first:stop].reshape(len(chosen), size).T
             first = stop
-            moved[0] = np.maximum(moved[0], np.linalg.norm(moved[1:], axis=0))
-            for m, c, y in zip(cone.matrices, cone.consts, moved, strict=True):
-                slope += m.T @ y
-                offset += float(c @ y)
-            multipliers.append(moved)
+            multipliers.append(_in_cone(moved))
         v = self.numbers
         box = Vectors(v.cost, v.offset, lower, upper, v.row_lower, v.row_upper)
-        bound = safe_bound(self.a, box, rows, slope, offset)
-        return Multipliers(rows, multipliers, slope), bound
+        as_they_are = self._bounded(rows, multipliers, box)
+        reduced = v.cost + self.a.T @ rows - as_they_are[0].slope
+        turned = [cone.turned(y, reduced) for cone, y in zip(self.cones, multipliers, strict=True)]
+        return max(as_they_are, self._bounded(rows, turned, box), key=lambda proof: proof[1])
+
+    def _bounded(
+        self, rows: Floats, cones: list[Floats], box: Vectors
+    ) -> tuple[Multipliers, float]:
+        slope, offset = np.zeros(self.a.shape[1]), 0.0
+        for cone, multipliers in zip(self.cones, cones, strict=True):
+            for m, c, y in zip(cone.matrices, cone.consts, multipliers, strict=True):
+                slope += m.T @ y
+                offset += float(c @ y)
+        return Multipliers(rows, cones, slope), safe_bound(self.a, box, rows, slope, offset)
+
+
+def _in_cone(y: Floats) -> Floats:
+    """Multipliers (k + 1, n) with a first one that is large enough."""
+    return np.stack([np.maximum(y[0], np.linalg.norm(y[1:], axis=0)), *y[1:]])
 
 
 def _element_by_element(
