@@ -158,6 +158,14 @@ def test_limits_that_a_rating_keeps_by_itself_are_no_rows(name: str) -> None:
     assert bool({"line.angle_min", "line.angle_max"} & rows) == there
 
 
+def test_a_line_without_impedance_keeps_every_limit_by_itself() -> None:
+    """With no rating, too: there is no angle between its ends."""
+    case = pair({}, lines=[(1, 2, 0.0, 0.0, {"angle_max_degree": 1.0})])
+    assert served(case, "nlp") == pytest.approx(3.0, abs=1e-6)
+    rows = {row.name for row in horizon(case, "distflow").standard.form.stage.rows}
+    assert "line.angle_max" not in rows
+
+
 def test_parallel_lines_made_one_have_the_narrowest_limits() -> None:
     """Limits of a line that points the other way count the other way round."""
     network = small_case(

@@ -156,7 +156,8 @@ def _angles_let_through(lines: LineData) -> Floats:
     assert lines.v_max is not None
     low = lines.v_min[lines.from_bus] / lines.tap, lines.v_min[lines.to_bus]
     charging = np.abs(lines.y_from) * (lines.v_max[lines.from_bus] / lines.tap) ** 2
-    through = np.hypot(lines.r, lines.x) * (lines.rating + charging)
+    z = np.hypot(lines.r, lines.x)
+    through = np.multiply(z, lines.rating + charging, out=np.zeros(len(z)), where=z > 0.0)
     if not lines.losses:
         return through * lines.tap
     sine = through / np.minimum(*low) / low[0]

@@ -2,7 +2,9 @@
 
 - `feeder69`: M. E. Baran, F. F. Wu, Optimal capacitor placement on radial distribution systems,
   IEEE Transactions on Power Delivery 4 (1989) 725-734; with the five ties that the literature on
-  reconfiguration gives it: 11-43, 13-21, 15-46, 50-59, 27-65.
+  reconfiguration gives it, 11-43, 13-21, 15-46, 50-59, 27-65: see J. S. Savier, D. Das, Impact of
+  network reconfiguration on loss allocation of radial distribution systems, IEEE Transactions on
+  Power Delivery 22 (2007) 2473-2480.
 - `feeder118`: D. Zhang, Z. Fu, L. Zhang, An improved TS algorithm for loss-minimum reconfiguration
   in large-scale distribution systems, Electric Power Systems Research 77 (2007) 685-694.
 - `feeder136`: J. R. S. Mantovani, F. Casari, R. A. Romero, Reconfiguração de sistemas de
