@@ -15,7 +15,7 @@ import numpy as np
 from bench.row import Row, below, timed
 from resilience.case import Case, load_case
 from resilience.fragility.outages.scenarios import Scenarios
-from resilience.planning.scenario_program import (
+from resilience.planning.scenarios.program import (
     DistinctScenarios,
     ScenarioProgram,
     scenario_program,

@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from resilience.planning.hardening.harden import harden
     from resilience.planning.hardening.report import Hardening
     from resilience.planning.plan import Plan, load_plan
-    from resilience.planning.scenario_plan import ScenarioPlan, load_scenario_plan
+    from resilience.planning.scenarios.files import load_scenario_plan
+    from resilience.planning.scenarios.options import ScenarioOptions
+    from resilience.planning.scenarios.plan import ScenarioPlan
     from resilience.planning.solve import solve
     from resilience.planning.sweep import sweep
-    from resilience.planning.two_stage.scenario_options import ScenarioOptions
     from resilience.plots.feeder.picture import plot_map
     from resilience.plots.hardening import plot_hardening
     from resilience.plots.hazard import plot_hazard

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from resilience.errors import ResilienceError
     from resilience.evaluation.compare import Report
     from resilience.planning.plan import Plan
-    from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.planning.scenarios.plan import ScenarioPlan
 
 
 class Commands(typer.core.TyperGroup):

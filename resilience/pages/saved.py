@@ -39,7 +39,7 @@ def _page(folder: Path) -> str:
     from resilience.evaluation.comparison import is_comparison, load_comparison
     from resilience.evaluation.survival import holds_survival, load_survival
     from resilience.planning.plan import load_plan
-    from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
+    from resilience.planning.scenarios.files import holds_scenario_plan, load_scenario_plan
 
     if (folder / HAZARD.mark).is_file():
         from resilience.pages.hazard_page import hazard_page

@@ -9,8 +9,8 @@ from resilience.pages.document import number, render
 from resilience.pages.feeder import map_data
 from resilience.pages.plan_charts import plan_charts
 from resilience.pages.plan_page import assumption_rows, case_of, certificate_rows, short_gap
-from resilience.planning.first_failures import first_failures
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.first_failures import first_failures
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.plots.feeder.view import feeder_map
 from resilience.text.actions import action_rows, failure_cells

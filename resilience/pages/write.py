@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from resilience.pages.document import check_page, write
 from resilience.planning.plan import Plan
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 
 if TYPE_CHECKING:
     from resilience.evaluation.report import Report

@@ -19,16 +19,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from resilience.errors import UsageError
 from resilience.files import reading
 from resilience.models.program.gate import check_costs, check_energy, of_file
+from resilience.planning.files import Number, check_kinds, read_record, read_tables, write_plan
 from resilience.planning.records import (
     Certificate,
     CertifiedPlan,
     Costs,
     Horizon,
-    Number,
-    check_kinds,
-    read_record,
-    read_tables,
-    write_plan,
 )
 from resilience.planning.tables import PRICE_UNITS, SlotTable, balance, table_units
 from resilience.results import PLAN, SUMMARY_FILE, replacing, steady

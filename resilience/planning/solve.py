@@ -34,6 +34,7 @@ from resilience.planning.reading.causes import shed_causes
 from resilience.planning.reading.fuel import fuel_notes
 from resilience.planning.reading.reasons import shed_by_reason, shed_loads
 from resilience.planning.records import Certificate, Costs, Horizon
+from resilience.planning.scenarios.options import ScenarioOptions
 from resilience.planning.tables import (
     SlotTable,
     balance,
@@ -41,13 +42,12 @@ from resilience.planning.tables import (
     tabulate,
     trip_notes,
 )
-from resilience.planning.two_stage.scenario_options import ScenarioOptions
 from resilience.progress import phase, stopwatch
 from resilience.results import PLAN, SCENARIO_PLAN, ResultKind
 from resilience.tolerances import PLAN_GAP, SCENARIO_GAP
 
 if TYPE_CHECKING:
-    from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.planning.scenarios.plan import ScenarioPlan
 
 Deterministic = Literal["lp", "milp", "socp", "nlp", "minlp", "exact"]
 
@@ -114,7 +114,7 @@ def solve(
         SolverError: no plan was found in time.
     """
     if _is_over_scenarios(method, options):
-        from resilience.planning.solve_scenarios import plan_over_scenarios
+        from resilience.planning.scenarios.solve import plan_over_scenarios
 
         limits = MethodOptions(time_limit, SCENARIO_GAP if relative_gap is None else relative_gap)
         return plan_over_scenarios(case, method, physics, outages, seed, limits, options)

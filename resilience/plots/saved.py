@@ -18,7 +18,7 @@ from resilience.rl.training.curves import run_folders
 
 if TYPE_CHECKING:
     from resilience.planning.plan import Plan
-    from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.planning.scenarios.plan import ScenarioPlan
 
 
 def draw_run(
@@ -49,7 +49,7 @@ def draw_run(
     from resilience.evaluation.survival import holds_survival, load_survival
     from resilience.evaluation.verdict import ranked
     from resilience.planning.plan import load_plan
-    from resilience.planning.scenario_plan import holds_scenario_plan, load_scenario_plan
+    from resilience.planning.scenarios.files import holds_scenario_plan, load_scenario_plan
 
     if out is not None:
         check_picture(out)

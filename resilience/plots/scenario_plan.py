@@ -11,7 +11,7 @@ from resilience.arrays import Floats
 from resilience.errors import UsageError
 from resilience.files import check_picture
 from resilience.models.components import device_fleets
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.plots import style
 from resilience.plots.style import DEMAND_COLOUR, SHED_COLOUR, STORAGE_COLOUR

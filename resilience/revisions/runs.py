@@ -16,11 +16,8 @@ from resilience.files import reading
 from resilience.planning.plan import Plan, load_plan
 from resilience.planning.reading.instructions import Instruction
 from resilience.planning.records import CertifiedPlan
-from resilience.planning.scenario_plan import (
-    ScenarioPlan,
-    holds_scenario_plan,
-    load_scenario_plan,
-)
+from resilience.planning.scenarios.files import holds_scenario_plan, load_scenario_plan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.results import COMPARISON, PLAN, SCENARIO_PLAN, SUMMARY_FILE
 from resilience.revisions.cases import KeyChange, case_changes
 

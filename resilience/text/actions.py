@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from resilience.case import Case
-    from resilience.planning.first_failures import FirstFailure
     from resilience.planning.reading.instructions import Instruction
+    from resilience.planning.scenarios.first_failures import FirstFailure
     from resilience.planning.tables import SlotTable
 
 MAX_LINES = 40

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from resilience.fragility.feeder_hazard import Hazard
     from resilience.fragility.outages.scenarios import Scenarios
     from resilience.planning.plan import Plan
-    from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.planning.scenarios.plan import ScenarioPlan
 
 MAX_ROWS = 12
 """Of a table in a notebook."""

@@ -11,9 +11,9 @@ from rich.text import Text
 from resilience.arrays import Floats
 from resilience.fragility.outages.weights import worth
 from resilience.models.components import device_fleets, fleet_classes, in_roles
-from resilience.planning.first_failures import first_failures
-from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.scenario_records import Unreduced
+from resilience.planning.scenarios.first_failures import first_failures
+from resilience.planning.scenarios.plan import ScenarioPlan
+from resilience.planning.scenarios.records import Unreduced
 from resilience.text.actions import action_list, failure_tables, schedule, when
 from resilience.text.grid import grid, pages
 from resilience.text.plan import certificate, not_modelled, percent

@@ -20,7 +20,7 @@ from resilience.fragility.outages.weights import standard_error
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.models.program.risk_measures import conditional_value_at_risk
-from resilience.planning.scenario_program import DistinctScenarios, scenario_program
+from resilience.planning.scenarios.program import DistinctScenarios, scenario_program
 from resilience.planning.two_stage.recourse import Recourse
 from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.tolerances import RELAXATION_TOLERANCE

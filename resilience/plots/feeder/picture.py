@@ -11,7 +11,7 @@ from resilience.case.schema import GridTable
 from resilience.errors import UsageError
 from resilience.files import check_picture
 from resilience.planning.plan import Plan
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.plots import panels, style
 from resilience.plots.feeder.view import CLOSED, OPEN, OUT, FeederMap, feeder_map
 from resilience.tolerances import DRAWN_TOLERANCE_MW

@@ -12,7 +12,7 @@ from resilience.case import Case
 from resilience.case.schema import GridTable
 from resilience.models.components import DeviceFleet, device_fleets, in_roles
 from resilience.planning.plan import Plan
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.plots import panels
 from resilience.plots.feeder.layout import Layout, layout

@@ -15,7 +15,7 @@ import resilience as rs
 from resilience.case import Case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.backends.base import OutOfTimeError
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.planning.two_stage.lshaped import DecompositionOptions, out_of_time
 from resilience.planning.two_stage.modes import ModeSearch
 from resilience.testing import small_case

@@ -24,9 +24,9 @@ from resilience.fragility.draw import sample_bell
 from resilience.fragility.outages.bell import Bell
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.program.risk import Risk
-from resilience.planning.scenario_methods import solve_scenario_program, wait_and_see
-from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.scenario_program import DistinctScenarios, scenario_program
+from resilience.planning.scenarios.methods import solve_scenario_program, wait_and_see
+from resilience.planning.scenarios.plan import ScenarioPlan
+from resilience.planning.scenarios.program import DistinctScenarios, scenario_program
 from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.testing import small_case
 

@@ -19,8 +19,8 @@ from resilience.case import Case
 from resilience.fragility.outages.reduction import reduced
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.weights import standard_error
-from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.solve_scenarios import NOT_SIMULATED
+from resilience.planning.scenarios.plan import ScenarioPlan
+from resilience.planning.scenarios.solve import NOT_SIMULATED
 from resilience.testing import small_case
 
 SHED, E_MAX = 10.0, 3.0

@@ -9,7 +9,7 @@ from rich.console import Console
 import resilience as rs
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.fragility.outages.weights import effective_number, worth
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.testing.cases import small_case
 from resilience.text.scenario_plan import print_scenario_plan
 

@@ -12,8 +12,8 @@ from resilience.case import Case
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.idle_ratings import without_idle_ratings
 from resilience.models.microgrid import Microgrid
-from resilience.planning import scenario_program
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios import program as scenario_program
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.simulation.world import microgrid_with_fallible_lines
 from resilience.testing import small_case
 

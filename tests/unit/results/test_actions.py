@@ -12,10 +12,10 @@ from rich.console import Console
 import resilience as rs
 from resilience.case import Case
 from resilience.errors import UsageError
-from resilience.planning.first_failures import FirstFailure, UnitResponse, first_failures
 from resilience.planning.plan import load_plan
 from resilience.planning.reading.instructions import instructions
-from resilience.planning.scenario_plan import ScenarioPlan
+from resilience.planning.scenarios.first_failures import FirstFailure, UnitResponse, first_failures
+from resilience.planning.scenarios.plan import ScenarioPlan
 from resilience.planning.tables import SlotTable
 from resilience.testing import small_case
 from resilience.text.actions import action_list, action_rows, failure_cells, mw_range, schedule

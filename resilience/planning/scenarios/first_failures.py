@@ -13,7 +13,7 @@ from resilience.planning.reading.instructions import NOTABLE_SHARE
 
 if TYPE_CHECKING:
     from resilience.case import Case
-    from resilience.planning.scenario_plan import ScenarioPlan
+    from resilience.planning.scenarios.plan import ScenarioPlan
 
 WINDOW_H = 2.0
 """How long behind the failure responses are summed up."""

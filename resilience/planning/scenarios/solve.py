@@ -19,25 +19,28 @@ from resilience.models.methods.answer import OUT_OF_TIME, MethodOptions
 from resilience.models.microgrid import Physics
 from resilience.models.program.gate import gap, status_of
 from resilience.models.program.risk import Risk
-from resilience.planning import outcomes
-from resilience.planning.outcomes import ScenarioOutcomes
 from resilience.planning.records import Certificate
-from resilience.planning.scenario_description import PlannedScenarios, full_plan
-from resilience.planning.scenario_methods import (
+from resilience.planning.scenarios.description import PlannedScenarios, full_plan
+from resilience.planning.scenarios.methods import (
     TITLES,
     solve_scenario_program,
     wait_and_see,
 )
-from resilience.planning.scenario_plan import ScenarioPlan
-from resilience.planning.scenario_program import (
+from resilience.planning.scenarios.options import ScenarioOptions
+from resilience.planning.scenarios.outcomes import (
+    ScenarioOutcomes,
+    planned_outcomes,
+    simulated_outcomes,
+)
+from resilience.planning.scenarios.plan import ScenarioPlan
+from resilience.planning.scenarios.program import (
     DistinctScenarios,
     ScenarioProgram,
     microgrid_to_plan,
     scenario_program,
 )
+from resilience.planning.scenarios.unreduced import on_all_scenarios
 from resilience.planning.tables import SlotTable, copperplate_notes
-from resilience.planning.two_stage.scenario_options import ScenarioOptions
-from resilience.planning.unreduced import on_all_scenarios
 from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World, microgrid_with_fallible_lines
@@ -155,7 +158,7 @@ def plan_in_two_stages(
     )
     clairvoyant_cost = wait_and_see(program)[distinct.index]
     with phase("audit"):
-        distinct_outcomes, tables = outcomes.planned_outcomes(program, result.solution)
+        distinct_outcomes, tables = planned_outcomes(program, result.solution)
     scenario_outcomes = distinct_outcomes.selected(distinct.index)
     unreduced, everything = None, scenarios.represents
     if everything is not None:
@@ -221,7 +224,7 @@ def simulate_dispatcher(case: Case, scenarios: Scenarios, method: str) -> Planne
     with phase("dispatch", method):
         trajectory = simulate(world, factory_of(method)(world.setting))
     clairvoyant_cost = wait_and_see(program)[distinct.index]
-    scenario_outcomes = outcomes.simulated_outcomes(world, trajectory)
+    scenario_outcomes = simulated_outcomes(world, trajectory)
     objective = risk.value(scenario_outcomes.cost, scenarios.probability)
     bound, scale = risk.value(clairvoyant_cost, scenarios.probability), program.two_stage.cost_scale
     longest = int(np.argmax(program.leaves[distinct.index]))

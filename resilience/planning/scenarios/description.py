@@ -11,15 +11,15 @@ from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.microgrid import Physics
 from resilience.models.program.risk import Risk
 from resilience.models.program.risk_measures import conditional_value_at_risk, worst
-from resilience.planning.outcomes import ScenarioOutcomes
 from resilience.planning.records import (
     Certificate,
     Costs,
     Horizon,
 )
-from resilience.planning.scenario_plan import BAND_QUANTILES, ScenarioPlan
-from resilience.planning.scenario_program import ScenarioProgram
-from resilience.planning.scenario_records import InformationValue, ScenarioStatistics, Unreduced
+from resilience.planning.scenarios.outcomes import ScenarioOutcomes
+from resilience.planning.scenarios.plan import BAND_QUANTILES, ScenarioPlan
+from resilience.planning.scenarios.program import ScenarioProgram
+from resilience.planning.scenarios.records import InformationValue, ScenarioStatistics, Unreduced
 from resilience.planning.tables import SlotTable
 from resilience.tolerances import SHED_TOLERANCE_MWH
 

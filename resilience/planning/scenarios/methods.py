@@ -12,7 +12,7 @@ from resilience.errors import UsageError
 from resilience.models.methods.answer import Deadline
 from resilience.models.program.gate import gap, status_of
 from resilience.models.structures import Cone
-from resilience.planning.scenario_program import ScenarioProgram, scenario_program
+from resilience.planning.scenarios.program import ScenarioProgram, scenario_program
 from resilience.planning.two_stage.extensive import extensive
 from resilience.planning.two_stage.lshaped import (
     DecompositionOptions,

@@ -15,7 +15,7 @@ from resilience.models.program.gate import check_audit, names_of
 from resilience.models.program.referee import Audit, audit, settle
 from resilience.models.program.standard import Standard
 from resilience.models.structures import Angle, Cone, Disc, Mode
-from resilience.planning.scenario_program import ScenarioProgram
+from resilience.planning.scenarios.program import ScenarioProgram
 from resilience.planning.tables import SlotTable, tabulate
 from resilience.planning.two_stage.extensive import own_columns
 from resilience.planning.two_stage.lshaped import TwoStageSolution

@@ -13,13 +13,13 @@ from resilience.fragility.outages.weights import standard_error
 from resilience.models.components import in_roles
 from resilience.models.program.gate import gap
 from resilience.models.program.standard import Standard
-from resilience.planning.scenario_program import (
+from resilience.planning.scenarios.program import (
     DistinctScenarios,
     ScenarioProgram,
     microgrid_to_plan,
     scenario_program,
 )
-from resilience.planning.scenario_records import Unreduced
+from resilience.planning.scenarios.records import Unreduced
 from resilience.planning.two_stage.lshaped import TwoStageSolution
 from resilience.planning.two_stage.master import Master
 from resilience.planning.two_stage.recourse import Recourse
