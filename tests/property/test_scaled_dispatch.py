@@ -64,8 +64,9 @@ def world(power: float, price: float) -> World:
 
 
 def cost_of(storms: World, method: str) -> Floats:
-    """(storms,) $, of one scenario after the other."""
-    alone = [storms.with_scenarios(np.array([k])) for k in range(storms.scenarios.n)]
+    """(storms,) $, of one scenario after the other; of a dear method three of the six."""
+    n = 3 if method.startswith("stochastic") else storms.scenarios.n
+    alone = [storms.with_scenarios(np.array([k])) for k in range(n)]
     return np.array([simulate(one, DISPATCHERS[method](one.setting)).cost.sum() for one in alone])
 
 

@@ -227,7 +227,7 @@ made = mutants(root, "resilience/numbers.py", Signatures.of([]))
 chosen = [one for one in made if one.faulty in sys.argv[3:]]
 trials = [Trial(None, tests, 600.0, 3)]
 for one in chosen:
-    trials.append(Trial(one, tests, 15.0 if one.faulty == "pass" else 600.0, 3))
+    trials.append(Trial(one, tests, 3.0 if one.faulty == "pass" else 600.0, 3))
 for outcome in outcomes(root, trials, 2, folder):
     fault = outcome.trial.mutant
     print(json.dumps([fault.faulty if fault else None, outcome.status]), flush=True)

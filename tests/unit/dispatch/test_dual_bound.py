@@ -83,17 +83,21 @@ def test_the_subgradient_is_one() -> None:
     assert program.value(b) <= plane + 1e-6
 
 
+BELLS: list[dict[str, Any]] = [
+    {},
+    {"refail": True, "shared_shift": True},
+    {"overnight": False},
+    {"duration_law": "lognormal", "duration_slots": (8, 80)},
+    {"common_draw": True, "centre_error_slots": 6},
+]
+
+
 @pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"refail": True, "shared_shift": True},
-        {"overnight": False},
-        {"duration_law": "lognormal", "duration_slots": (8, 80)},
-        {"common_draw": True, "centre_error_slots": 6},
-    ],
+    ("changes", "known"),
+    [(changes, False) for changes in BELLS]
+    + [(changes, True) for changes in BELLS[:-1]]
+    + [pytest.param(BELLS[-1], True, marks=pytest.mark.exhaustive)],
 )
-@pytest.mark.parametrize("known", [True, False])
 def test_surprises_of_a_bell_have_no_mean(changes: dict[str, Any], known: bool) -> None:
     """Not overall, nor weighted by anything that was known: which lines were down, and the hour."""
     judged = replace(stormy(24, seed=5, **changes), known_centre=known)
