@@ -27,7 +27,7 @@ def without_idle_ratings(microgrid: Microgrid) -> Microgrid:
     case, network = microgrid.case, microgrid.network
     fleets = list(microgrid.fleets.values())
     none = np.zeros(len(network.line_names), bool)
-    limits = flow_limits(case, network, fleets, None, none, losses=False)
+    limits = flow_limits(case, network, fleets, None, none, none, losses=False)
     profiles = limits.values(case.profile, case.slots)
     most_mva = np.maximum(limits.forth @ profiles, limits.back @ profiles).max(axis=1, initial=0.0)
     rating = np.where(most_mva <= network.rating_mva, np.inf, network.rating_mva)

@@ -223,7 +223,13 @@ class Microgrid:
             angle_min=np.radians(network.angle_min_degree) - shift,
             angle_max=np.radians(network.angle_max_degree) - shift,
             limits=flow_limits(
-                self.case, network, fleets, buses, self._looped, losses=self.physics == "distflow"
+                self.case,
+                network,
+                fleets,
+                buses,
+                self._looped,
+                self.fallible | network.switchable,
+                losses=self.physics == "distflow",
             ),
             determined=bridges(network) | (self._looped & (buses is not None)),
             fallible=self.fallible,

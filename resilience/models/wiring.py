@@ -12,8 +12,11 @@ from resilience.arrays import Bools, Floats
 from resilience.case.profiles import MAX_PU
 from resilience.errors import UsageError
 from resilience.models.components import Buses, DeviceFleet, bus_capacity
+from resilience.models.components.loops import TURN_MAX
+from resilience.models.network.circuit import circuit_currents, short_circuit
 from resilience.models.network.graph import mismatch
 from resilience.models.network.limits import (
+    MARGIN,
     Capacity,
     FlowLimits,
     admittances,
@@ -78,6 +81,7 @@ def flow_limits(
     fleets: Collection[DeviceFleet],
     buses: Buses | None,
     looped: Bools,
+    may_be_out: Bools,
     *,
     losses: bool,
 ) -> FlowLimits:
@@ -89,6 +93,7 @@ def flow_limits(
         fleets: devices, at the buses of the network.
         buses: their voltages, if there are any.
         looped: (lines,) lines in a loop of closed lines.
+        may_be_out: (lines,) lines that can be out.
         losses: whether currents are limited, too.
     """
     names, capacity = bus_capacity(fleets, len(network.bus_names))
@@ -101,21 +106,80 @@ def flow_limits(
     )
     if buses is None:
         return FlowLimits(names, peak, *lossless_limits(network, capacity))
+    v_sent = (buses.v_max_pu[network.from_bus] / network.tap)[:, None]
     capacity, earth = _with_earth(network, capacity, buses.v_max_pu)
+    limits = None
+    if looped.any():
+        limits = _of_circuit(network, capacity, earth, buses, may_be_out, losses=losses)
+    if losses:
+        if limits is None:
+            limits = _current_of_sides(network, capacity, earth, buses, looped)
+        return FlowLimits(names, peak, v_sent * limits, v_sent * limits, limits)
+    if limits is None:
+        return FlowLimits(names, peak, *_power_of_sides(network, capacity, buses, looped))
+    return FlowLimits(names, peak, limits, limits.copy())
+
+
+def _current_of_sides(
+    network: Network, capacity: Capacity, earth: Floats, buses: Buses, looped: Bools
+) -> Floats:
+    """(lines, profiles) pu, by what devices on either side draw; in loops with room, see there."""
     factor, driven_pu = with_loops(network, looped, mismatch(network), buses.v_max_pu)
-    round_pu = circulation(network, buses.v_max_pu) + driven_pu
-    v_sent = buses.v_max_pu[network.from_bus] / network.tap
-    if not losses:
-        forth, back = lossless_limits(network, capacity)
-        forth, back = factor[:, None] * forth, factor[:, None] * back
-        for limit in (forth, back):
-            limit[:, 0] += LOSSLESS_ROOM * v_sent * round_pu
-        return FlowLimits(names, peak, forth, back)
     current = current_limits(network, capacity, buses.v_min_pu, earth)
     current *= factor[:, None]
-    current[:, 0] += round_pu
-    sent = v_sent[:, None] * current
-    return FlowLimits(names, peak, sent, sent, current)
+    current[:, 0] += circulation(network, buses.v_max_pu) + driven_pu
+    if _may_resonate(network, looped):
+        current[looped] = 0.0
+        current[looped, 0] = MARGIN * short_circuit(network, buses.v_max_pu)[looped]
+    return current
+
+
+def _power_of_sides(
+    network: Network, capacity: Capacity, buses: Buses, looped: Bools
+) -> tuple[Floats, Floats]:
+    """The same without losses: MVA forth and back."""
+    factor, driven_pu = with_loops(network, looped, mismatch(network), buses.v_max_pu)
+    v_sent = buses.v_max_pu[network.from_bus] / network.tap
+    forth, back = (factor[:, None] * limit for limit in lossless_limits(network, capacity))
+    resonant = looped & _may_resonate(network, looped)
+    for limit in (forth, back):
+        limit[:, 0] += LOSSLESS_ROOM * v_sent * (circulation(network, buses.v_max_pu) + driven_pu)
+        limit[resonant] = 0.0
+        limit[resonant, 0] = TURN_MAX / np.hypot(network.r_pu, network.x_pu)[resonant]
+    return forth, back
+
+
+def _may_resonate(network: Network, looped: Bools) -> bool:
+    """Whether resistances or reactances of loops have both signs: more may go round than flows."""
+    return bool((np.minimum(network.r_pu, network.x_pu)[looped] < 0.0).any())
+
+
+def _of_circuit(
+    network: Network,
+    capacity: Capacity,
+    earth: Floats,
+    buses: Buses,
+    may_be_out: Bools,
+    *,
+    losses: bool,
+) -> Floats | None:
+    """(lines, profiles) the most that lines of a mesh carry, proven: pu with losses, else MVA.
+
+    Without losses power takes the place of current, which is the same circuit as long as there are
+    no ratios. None where it is not known, see `circuit_currents`.
+    """
+    drawn = capacity.apparent.copy()
+    if losses:
+        drawn /= buses.v_min_pu[:, None]
+    drawn[:, :1] += earth * (1.0 if losses else buses.v_max_pu[:, None])
+    limits = circuit_currents(network, may_be_out, drawn, buses.v_max_pu)
+    if limits is None:
+        return None
+    if not losses:
+        return MARGIN * (1.0 if (network.ratio == 1.0).all() else LOSSLESS_ROOM) * limits
+    by_voltage = np.zeros_like(limits)
+    by_voltage[:, 0] = short_circuit(network, buses.v_max_pu)
+    return MARGIN * np.where((limits.sum(1) <= by_voltage[:, 0])[:, None], limits, by_voltage)
 
 
 def _with_earth(network: Network, capacity: Capacity, v_max_pu: Floats) -> tuple[Capacity, Floats]:

@@ -22,6 +22,9 @@ $$ |I| \le \overline{I} = \min\{\textstyle\sum_A S_k / \underline{V}_k,
 Where lines make cycles, the two sides may be any: the smaller of two sums that make up a total is
 at most half of it, and the side without a certain bus has at most the total without that bus.
 
+That is for trees, and for ties of which none closes a loop. What goes round in a loop is in
+`resilience.models.network.circuit`.
+
 Whatever flows to earth at a bus, shunts and charging, is a device of the size $|y| \overline{V}^2$,
 and of the current $|y| \overline{V}$. A ratio $a$ makes currents larger by $|a|$ and voltages
 smaller. So currents are summed in one frame, in which all ratios are 1: every bus has a scale
@@ -54,7 +57,7 @@ MARGIN = 1.1
 """Of every auxiliary limit over what is proven; more than a polygon adds to a disc, 1.035."""
 
 LOOP_ROOM = 2.0
-"""Of a line in a loop over what devices draw in all."""
+"""Of a line in a loop over what devices draw in all, where its circuit does not tell."""
 
 SHORT_PU = 1e-6
 """In place of an impedance of zero, in what circulates between branches."""
@@ -188,9 +191,11 @@ def with_loops(
 ) -> tuple[Floats, Floats]:
     """(lines,) factor of what lines can be asked to carry, and current besides, pu, in loops.
 
-    Of impedances of one angle no line carries more than all devices draw; where angles differ some
-    goes round: there is room for twice as much, and the referee looks whether it is enough. Ratios
-    that do not fit drive at most their voltage over the impedance of their own line.
+    What is known is proven by its circuit (`resilience.models.network.circuit`). Elsewhere, where
+    lines can be out in too many ways: of impedances of one angle no line carries more than all
+    devices draw; where angles differ some goes round: there is room for twice as much, and the
+    referee looks whether it is enough. Ratios that do not fit drive at most their voltage over the
+    impedance of their own line.
 
     Args:
         network: only lines that can be closed.
