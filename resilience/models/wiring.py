@@ -13,7 +13,7 @@ from resilience.case.profiles import MAX_PU
 from resilience.errors import UsageError
 from resilience.models.components import Buses, DeviceFleet, bus_capacity
 from resilience.models.components.loops import TURN_MAX
-from resilience.models.network.circuit import circuit_currents, short_circuit
+from resilience.models.network.circuit import circuit_currents, shares, short_circuit
 from resilience.models.network.graph import mismatch
 from resilience.models.network.limits import (
     MARGIN,
@@ -126,11 +126,11 @@ def _current_of_sides(
     """(lines, profiles) pu, by what devices on either side draw; in loops with room, see there."""
     factor, driven_pu = with_loops(network, looped, mismatch(network), buses.v_max_pu)
     current = current_limits(network, capacity, buses.v_min_pu, earth)
-    current *= factor[:, None]
+    share, resonant = _shares(network, looped)
+    current *= (factor * share)[:, None]
     current[:, 0] += circulation(network, buses.v_max_pu) + driven_pu
-    if _may_resonate(network, looped):
-        current[looped] = 0.0
-        current[looped, 0] = MARGIN * short_circuit(network, buses.v_max_pu)[looped]
+    current[resonant] = 0.0
+    current[resonant, 0] = MARGIN * short_circuit(network, buses.v_max_pu)[resonant]
     return current
 
 
@@ -140,8 +140,8 @@ def _power_of_sides(
     """The same without losses: MVA forth and back."""
     factor, driven_pu = with_loops(network, looped, mismatch(network), buses.v_max_pu)
     v_sent = buses.v_max_pu[network.from_bus] / network.tap
-    forth, back = (factor[:, None] * limit for limit in lossless_limits(network, capacity))
-    resonant = looped & _may_resonate(network, looped)
+    share, resonant = _shares(network, looped)
+    forth, back = ((factor * share)[:, None] * x for x in lossless_limits(network, capacity))
     for limit in (forth, back):
         limit[:, 0] += LOSSLESS_ROOM * v_sent * (circulation(network, buses.v_max_pu) + driven_pu)
         limit[resonant] = 0.0
@@ -149,9 +149,14 @@ def _power_of_sides(
     return forth, back
 
 
-def _may_resonate(network: Network, looped: Bools) -> bool:
-    """Whether resistances or reactances of loops have both signs: more may go round than flows."""
-    return bool((np.minimum(network.r_pu, network.x_pu)[looped] < 0.0).any())
+def _shares(network: Network, looped: Bools) -> tuple[Floats, Bools]:
+    """(lines,) what lines take of what they and their parallels carry, and where nothing tells it.
+
+    That is so for loops in which resistances or reactances have both signs.
+    """
+    share, negative = shares(network), np.minimum(network.r_pu, network.x_pu) < 0.0
+    resonant = np.isinf(share) | (looped & negative[looped].any())
+    return np.where(resonant, 1.0, share), resonant
 
 
 def _of_circuit(

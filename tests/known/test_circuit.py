@@ -12,7 +12,7 @@ import resilience as rs
 from resilience.arrays import Floats
 from resilience.case.networks.network import Network
 from resilience.models.network import circuit
-from resilience.models.network.circuit import circuit_currents, short_circuit
+from resilience.models.network.circuit import circuit_currents, shares, short_circuit
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -121,6 +121,36 @@ def test_too_many_sets_of_lines_out_are_not_counted(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(circuit, "MAX_SETS", 7)
     assert circuit_currents(mesh, every, drawn, np.ones(3)) is None
     assert circuit_currents(mesh, ~every, drawn, np.ones(3)) is not None
+
+
+def test_parallel_lines_of_both_signs_share_more_than_there_is() -> None:
+    """1j beside -0.9j: 9 and 10 times of it where 2j is out, which takes most where none is."""
+    share = shares(network([(0, 1), (1, 0), (0, 1), (1, 2)], [1j, -0.9j, 2j, 0.1 + 0.1j]))
+    y = 1.0 / np.array([1.0, -0.9, 2.0])
+    assert share[:2] == pytest.approx([abs(y[0] / (y[0] + y[1])), abs(y[1] / (y[0] + y[1]))])
+    assert share[2] == pytest.approx(abs(y[2] / y.sum()))
+    assert share[3] == 1.0
+
+
+@pytest.mark.parametrize("method", ["lp", "nlp", "minlp"])
+def test_parallel_lines_of_both_signs_are_planned_and_carried(method: str) -> None:
+    """4 and 5 times the load in the first hour, all of it in the one that is up in the second."""
+    case = small_case(
+        slots=2,
+        buses=2,
+        lines=[(1, 2, 0.0, 0.1, {"name": "a"}), (1, 2, 0.0, 0.1, {"name": "b"})],
+        line_tables=[{"name": "a", "breakpoint": True}, {"name": "b", "breakpoint": True}],
+        outages=["b@01:00-02:00"],
+        load=[{"bus": "2", "p_max_mw": 0.2, "shed_cost_per_mwh": 1000.0}],
+        generator=[{"bus": "2", "p_max_mw": 0.0, "q_min_mvar": -0.1, "q_max_mvar": 0.1}],
+        grid=[{"import_max_mw": 0.22, "q_max_mvar": 0.2, "import_cost_per_mwh": 20.0}],
+    )
+    case = replace(case, network=replace(case.network, x_pu=np.array([0.1, -0.08])))
+    found = solved(case, method)
+    assert found.violation < 1e-6
+    assert found["load.shed"].sum() == pytest.approx(0.0, abs=1e-6)
+    assert np.abs(found["line.p"]) == pytest.approx(np.array([[0.8, 0.2], [1.0, 0.0]]), rel=1e-3)
+    assert max(found.near_limits.values(), default=0.0) == 0.0
 
 
 @pytest.mark.parametrize("method", ["lp", "nlp", "minlp"])

@@ -171,6 +171,31 @@ def _sets(lines: int, free: Ints) -> Iterator[Bools]:
         yield up
 
 
+def shares(network: Network) -> Floats:
+    """(lines,) the largest share that a line takes of what it and its parallels carry together.
+
+    Whichever of the others are out: 1, when all are, and more where reactances or resistances of
+    both signs stand side by side. Infinite where there are too many of them to tell.
+    """
+    z: Complexes = network.r_pu + 1j * network.x_pu
+    z = np.where(np.abs(z) < SHORT_PU, SHORT_PU, z)
+    largest = np.ones(len(z))
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
+        groups.setdefault((min(ends), max(ends)), []).append(k)
+    for members in groups.values():
+        if (np.minimum(z[members].real, z[members].imag) >= 0.0).all():
+            continue
+        if 2 ** len(members) > MAX_SETS:
+            largest[members] = np.inf
+            continue
+        for up in _sets(len(members), np.arange(len(members))):
+            y = np.where(up, 1.0 / z[members], 0.0)
+            together = max(abs(y.sum()), np.finfo(float).tiny)
+            largest[members] = np.maximum(largest[members], np.abs(y) / together)
+    return largest
+
+
 def short_circuit(network: Network, v_max_pu: Floats) -> Floats:
     """(lines,) the current, pu, that no line exceeds whatever the others do: both voltages over z.
 
