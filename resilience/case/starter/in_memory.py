@@ -146,9 +146,6 @@ def _branch(network: Network, k: int, y_pu: complex) -> dict[str, Any]:
         table |= {"tap_ratio": abs(ratio), "shift_degree": math.degrees(np.angle(ratio))}
     if math.isfinite(network.rating_mva[k]):
         table["rating_mva"] = network.rating_mva[k]
-    for key in ("angle_min_degree", "angle_max_degree"):
-        if math.isfinite(limit := getattr(network, key)[k]):
-            table[key] = limit
     return table if network.in_service[k] else table | {"in_service": False}
 
 
