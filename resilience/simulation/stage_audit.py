@@ -145,15 +145,16 @@ class StageAudit:
         self, z: Floats, low: Floats, high: Floats, slots: Ints, shape: Shape
     ) -> None:
         """Limits of what is known, by variable."""
-        places = set(self.places.tolist())
         for block in self.form.own_blocks:
             columns = self.form.columns(block)
-            if not block.n or columns[0] not in places:
+            # Of voltages those alone are known at which something flows to earth.
+            inside = np.flatnonzero(np.isin(columns, self.places))
+            if not len(inside):
                 continue
-            rows, x = columns - self.form.n_now, z[columns]
+            rows, x = columns[inside] - self.form.n_now, z[columns[inside]]
             excess = np.maximum(_beyond(x, high[rows]), _beyond(-x, -low[rows]))
             violation = np.maximum(excess, 0.0).reshape(shape)
-            self.note(block.name, violation, slots, tuple(block.labels))
+            self.note(block.name, violation, slots, tuple(block.labels[k] for k in inside))
 
     def _judge_rows(self, z: Floats, sides: Floats, slots: Ints, shape: Shape) -> None:
         """Rows of which everything is known, as the dynamics of storage."""

@@ -161,6 +161,7 @@ class Plant:
         positions = np.concatenate([form.columns(b) for b in blocks] or [none])
         names = [f"{b.name}[{label}]" for b in blocks for label in b.labels]
         entries = self._balance[:, positions].tocsc()
+        entries.eliminate_zeros()  # of what flows to earth without taking power
         feeds = np.flatnonzero(np.diff(entries.indptr))
         self.columns: Labels = tuple(names[k] for k in feeds)
         self.kinds = np.array([name.split("[")[0] for name in self.columns], str)
