@@ -242,7 +242,8 @@ def export_model(plan: Plan | ScenarioPlan, path: Path) -> None:
     """Writes the model behind a plan as LP, MPS or NL, by the suffix of `path`.
 
     Raises:
-        UsageError: as `check_export`, or a plan without its case.
+        UsageError: as `check_export`, a plan without its case, or the angles of closed loops in
+            another file than NL.
     """
     from resilience.models.backends.pyomo import Pyomo
 

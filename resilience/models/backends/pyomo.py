@@ -243,9 +243,15 @@ class Pyomo:
         """Writes the model; the suffix chooses LP, MPS or NL.
 
         Raises:
-            UsageError: another suffix.
+            UsageError: another suffix, or one of formats that cannot hold the angles of loops.
         """
         check_format(path)
+        if path.suffix != ".nl" and self.standard.structures_of(Angle):
+            raise UsageError(
+                f"the angles of closed loops have sines, which no {path.suffix} file holds; "
+                "allowed: .nl",
+                hint="or export the model of lindistflow, in which they are linear: --method lp",
+            )
         options = {} if path.suffix == ".nl" else {"symbolic_solver_labels": True}
         self.model.write(str(path), format=FORMATS[path.suffix], io_options=options)
 
