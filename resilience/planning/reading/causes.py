@@ -87,10 +87,18 @@ class _Facts:
         fleets = in_roles(every, "storage", "dispatchable", "weather", "exchange")
         return [(fleet, *source_limits(self.program, self.z, fleet)) for fleet in fleets]
 
+    @cached_property
+    def behind(self) -> dict[str, dict[int, Bools]]:
+        """By reason what is behind lines at such a limit, see `reasons.behind`."""
+        return {
+            reason: behind(self.program, self.z, at_limit(self.program, self.z))
+            for reason, at_limit in AT_LIMIT.items()
+        }
+
     def over(self, entry: ShedLoad) -> Iterator[tuple[int, Ints, float]]:
         """Lines at their limit before the load, the slots, and MW over if nothing were shed."""
-        bus, near = entry.fleet.bus[entry.row], AT_LIMIT[entry.reason](self.program, self.z)
-        for k, buses in behind(self.program, self.z, near).items():
+        bus = entry.fleet.bus[entry.row]
+        for k, buses in self.behind[entry.reason].items():
             slots = entry.slots[buses[bus, entry.slots]]
             if len(slots):
                 yield k, slots, float((self.shed_at * buses)[:, slots].sum(axis=0).max())
