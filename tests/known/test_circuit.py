@@ -13,6 +13,7 @@ from resilience.arrays import Floats
 from resilience.case.networks.network import Network
 from resilience.models.network import circuit
 from resilience.models.network.circuit import circuit_currents, shares, short_circuit
+from resilience.models.wiring import LOSSLESS_ROOM
 from resilience.testing import small_case
 from tests.known.solving import solved
 
@@ -75,6 +76,33 @@ def test_no_voltages_drive_more(kind: str) -> None:
         assert (current <= short_circuit(mesh, np.abs(volts)) * (1.0 + 1e-9)).all()
         tight += int((limits[:, 0] <= drawn.sum()).all())
     assert tight > (20 if kind == "one sign" else 0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "room"), [("one sign", 1.0), ("any sign", 1.0), ("ratios", LOSSLESS_ROOM)]
+)
+def test_no_lossless_voltages_drive_more_power(kind: str, room: float) -> None:
+    """Squared voltages and angles drive P and Q alike: z (P - jQ) = (v_i - v_j) / 2 + j theta.
+
+    Ratios part the two, a tap by its square and an angle by itself, for which there is room.
+    """
+    rng, tight = np.random.default_rng(11), 0.0
+    for _ in range(100):
+        mesh = random_mesh(rng, kind)
+        v_sq, theta = rng.uniform(0.81, 1.21, BUSES), 0.3 * rng.normal(size=BUSES)
+        i, j, tap = mesh.from_bus, mesh.to_bus, mesh.tap
+        drop = 0.5 * (v_sq[i] / tap**2 - v_sq[j])
+        turn = (theta[i] - theta[j] - np.angle(mesh.ratio)) / tap
+        power = ((drop + 1j * turn) / (mesh.r_pu + 1j * mesh.x_pu)).conj()
+        drawn = np.zeros(BUSES, complex)
+        np.add.at(drawn, i, power)
+        np.add.at(drawn, j, -power)
+        none_out = np.zeros(len(power), bool)
+        limits = circuit_currents(mesh, none_out, np.abs(drawn)[:, None], np.full(BUSES, 1.1))
+        assert limits is not None
+        assert (np.abs(power) <= room * limits[:, 0] * (1.0 + 1e-6) + 1e-9).all()
+        tight = max(tight, float((np.abs(power) / np.maximum(limits[:, 0], 1e-9)).max()))
+    assert tight > 0.99
 
 
 def test_of_impedances_of_one_angle_no_line_has_more_than_half_of_what_is_drawn() -> None:
