@@ -252,6 +252,11 @@ class Microgrid:
         )
         return [*([buses] if buses else []), lines, *switches]
 
+    @property
+    def flow_limits_proven(self) -> bool:
+        """Whether limits of flows are proven, or audited alone; see `FlowLimits`."""
+        return all(x.limits.proven for x in self._wires if isinstance(x, Lines))
+
     def _emitting(self, energised: Energised | None, peak: Floats | None) -> Iterator[Component]:
         """The components of a stage in which it is decided what is alive, or known; see `stage`."""
         for component in self.components:

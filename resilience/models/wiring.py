@@ -13,16 +13,18 @@ from resilience.case.profiles import MAX_PU
 from resilience.errors import UsageError
 from resilience.models.components import Buses, DeviceFleet, bus_capacity
 from resilience.models.components.loops import TURN_MAX
-from resilience.models.network.circuit import circuit_currents, shares, short_circuit
+from resilience.models.network.circuit import circuit_currents, shares
 from resilience.models.network.graph import mismatch
 from resilience.models.network.limits import (
     MARGIN,
+    SHORT_PU,
     Capacity,
     FlowLimits,
     admittances,
     circulation,
     current_limits,
     lossless_limits,
+    short_circuit,
     with_loops,
 )
 from resilience.tolerances import INPUT_TOLERANCE
@@ -111,13 +113,15 @@ def flow_limits(
     limits = None
     if looped.any():
         limits = _of_circuit(network, capacity, earth, buses, may_be_out, losses=losses)
+    proven = limits is not None or not looped.any()
     if losses:
         if limits is None:
             limits = _current_of_sides(network, capacity, earth, buses, looped)
-        return FlowLimits(names, peak, v_sent * limits, v_sent * limits, limits)
+        return FlowLimits(names, peak, v_sent * limits, v_sent * limits, limits, proven)
     if limits is None:
-        return FlowLimits(names, peak, *_power_of_sides(network, capacity, buses, looped))
-    return FlowLimits(names, peak, limits, limits.copy())
+        forth, back = _power_of_sides(network, capacity, buses, looped)
+        return FlowLimits(names, peak, forth, back, proven=proven)
+    return FlowLimits(names, peak, limits, limits.copy(), proven=_is_plain(network))
 
 
 def _current_of_sides(
@@ -141,11 +145,12 @@ def _power_of_sides(
     factor, driven_pu = with_loops(network, looped, mismatch(network), buses.v_max_pu)
     v_sent = buses.v_max_pu[network.from_bus] / network.tap
     share, resonant = _shares(network, looped)
+    z = np.maximum(np.hypot(network.r_pu, network.x_pu), SHORT_PU)
     forth, back = ((factor * share)[:, None] * x for x in lossless_limits(network, capacity))
     for limit in (forth, back):
         limit[:, 0] += LOSSLESS_ROOM * v_sent * (circulation(network, buses.v_max_pu) + driven_pu)
         limit[resonant] = 0.0
-        limit[resonant, 0] = TURN_MAX / np.hypot(network.r_pu, network.x_pu)[resonant]
+        limit[resonant, 0] = (TURN_MAX / z)[resonant]
     return forth, back
 
 
@@ -157,6 +162,11 @@ def _shares(network: Network, looped: Bools) -> tuple[Floats, Bools]:
     share, negative = shares(network), np.minimum(network.r_pu, network.x_pu) < 0.0
     resonant = np.isinf(share) | (looped & negative[looped].any())
     return np.where(resonant, 1.0, share), resonant
+
+
+def _is_plain(network: Network) -> bool:
+    """Whether there are no ratios, which part voltages from angles."""
+    return bool((network.ratio == 1.0).all())
 
 
 def _of_circuit(
@@ -181,7 +191,7 @@ def _of_circuit(
     if limits is None:
         return None
     if not losses:
-        return MARGIN * (1.0 if (network.ratio == 1.0).all() else LOSSLESS_ROOM) * limits
+        return MARGIN * (1.0 if _is_plain(network) else LOSSLESS_ROOM) * limits
     by_voltage = np.zeros_like(limits)
     by_voltage[:, 0] = short_circuit(network, buses.v_max_pu)
     return MARGIN * np.where((limits.sum(1) <= by_voltage[:, 0])[:, None], limits, by_voltage)

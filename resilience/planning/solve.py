@@ -39,6 +39,7 @@ from resilience.planning.tables import (
     SlotTable,
     balance,
     copperplate_notes,
+    limit_notes,
     tabulate,
     trip_notes,
 )
@@ -187,6 +188,7 @@ def plan_known_outages(
             *trip_notes(program.case, point.tables),
             *point.fuel_notes,
             *copperplate_notes(program.case, program.microgrid.physics),
+            *limit_notes(program.microgrid),
         ],
         not_modelled=[str(omission) for omission in case.omissions],
         seconds_by_phase=seconds,

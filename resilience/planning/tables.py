@@ -11,6 +11,7 @@ from resilience.arrays import Complexes, Floats
 from resilience.case import Case
 from resilience.models.case_program import CaseProgram, as_switched
 from resilience.models.components import DeviceFleet, device_fleets, fleet_classes, in_roles
+from resilience.models.microgrid import Microgrid
 from resilience.models.network.situation import Situation
 
 LEVEL, DELIVERY = "tank.level", "tank.delivery"
@@ -233,6 +234,16 @@ def copperplate_notes(case: Case, physics: str) -> list[str]:
     return [
         f"copperplate leaves out {mw:.4g} MW that flow to earth at 1 pu: shunts, iron losses, "
         "impedances of loads"
+    ]
+
+
+def limit_notes(microgrid: Microgrid) -> list[str]:
+    """A sentence where the bound rests on limits of flows that are not proven."""
+    if microgrid.flow_limits_proven:
+        return []
+    return [
+        "what lines of loops can carry is limited by numbers that are audited and not proven here; "
+        "the bound rests on them"
     ]
 
 

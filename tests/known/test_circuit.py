@@ -12,7 +12,8 @@ import resilience as rs
 from resilience.arrays import Floats
 from resilience.case.networks.network import Network
 from resilience.models.network import circuit
-from resilience.models.network.circuit import circuit_currents, shares, short_circuit
+from resilience.models.network.circuit import circuit_currents, shares
+from resilience.models.network.limits import short_circuit
 from resilience.models.wiring import LOSSLESS_ROOM
 from resilience.testing import small_case
 from tests.known.solving import solved
@@ -181,12 +182,17 @@ def test_parallel_lines_of_both_signs_are_planned_and_carried(method: str) -> No
     assert max(found.near_limits.values(), default=0.0) == 0.0
 
 
+@pytest.mark.parametrize("max_sets", [circuit.MAX_SETS, 0])
 @pytest.mark.parametrize("method", ["lp", "nlp", "minlp"])
-def test_a_loop_of_both_signs_is_planned_and_carried(method: str) -> None:
-    """Five times what is drawn goes round: limits of twice that were no plan, or a false proof.
+def test_a_loop_of_both_signs_is_planned_and_carried(
+    method: str, max_sets: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Five times what is drawn goes round: limits of twice that left no plan.
 
     Lines of 0.04 pu twice and of -0.1 make a loop of -0.02; the first two take 5 times the load.
+    Where nothing tells the circuit, voltages and angles limit it, and the plan says so.
     """
+    monkeypatch.setattr(circuit, "MAX_SETS", max_sets)
     case = small_case(
         slots=1,
         buses=3,
@@ -202,7 +208,8 @@ def test_a_loop_of_both_signs_is_planned_and_carried(method: str) -> None:
     assert np.abs(found["line.p"][0]) == pytest.approx([5.0 * 0.3], rel=1e-3)
     assert np.abs(found["line.p"][2]) == pytest.approx([4.0 * 0.3], rel=1e-3)
     assert max(found.near_limits.values(), default=0.0) == 0.0
+    plan = rs.solve(case, method)
+    assert isinstance(plan, rs.Plan)
+    assert any("not proven here" in note for note in plan.notes) == (max_sets == 0)
     if method != "lp":
-        plan = rs.solve(case, method)
-        assert isinstance(plan, rs.Plan)
         assert rs.ac_check_plan(plan).ok

@@ -24,7 +24,7 @@ from resilience.tolerances import CONFLICT_TOLERANCE, RELAXATION_TOLERANCE
 INFEASIBLE_STATUS = "PrimalInfeasible"
 NOT_SOLVED = (INFEASIBLE_STATUS, "DualInfeasible", "AlmostPrimalInfeasible")
 LEAST_SHARE = 0.5
-"""Of a multiplier that is left of it, see `SecondOrderRows.turned`."""
+"""Of a multiplier, to which it is made smaller at most, see `SecondOrderRows.turned`."""
 BROKEN = (INFEASIBLE_STATUS, None, np.inf)
 
 

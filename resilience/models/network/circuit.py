@@ -30,7 +30,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from resilience.arrays import Bools, Complexes, Floats, Ints
-from resilience.models.network.graph import along_trees, bridges, mismatch
+from resilience.models.network.graph import along_trees, bridges, mismatch, parallel_groups
+from resilience.models.network.limits import SHORT_PU
 
 if TYPE_CHECKING:
     from resilience.case import Network
@@ -39,8 +40,6 @@ MAX_SETS = 256
 """Of lines that are out, which are gone through."""
 MAX_WORK = 3e9
 """Operations of dense algebra for all sets: a second or two."""
-SHORT_PU = 1e-6
-"""In place of an impedance of zero."""
 LEAST_MARGIN = 1e-2
 """By which 1 exceeds what currents of ratios drive by themselves, below which nothing is told."""
 
@@ -180,10 +179,7 @@ def shares(network: Network) -> Floats:
     z: Complexes = network.r_pu + 1j * network.x_pu
     z = np.where(np.abs(z) < SHORT_PU, SHORT_PU, z)
     largest = np.ones(len(z))
-    groups: dict[tuple[int, int], list[int]] = {}
-    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
-        groups.setdefault((min(ends), max(ends)), []).append(k)
-    for members in groups.values():
+    for members in parallel_groups(network):
         if (np.minimum(z[members].real, z[members].imag) >= 0.0).all():
             continue
         if 2 ** len(members) > MAX_SETS:
@@ -194,14 +190,3 @@ def shares(network: Network) -> Floats:
             together = max(abs(y.sum()), np.finfo(float).tiny)
             largest[members] = np.maximum(largest[members], np.abs(y) / together)
     return largest
-
-
-def short_circuit(network: Network, v_max_pu: Floats) -> Floats:
-    """(lines,) the current, pu, that no line exceeds whatever the others do: both voltages over z.
-
-    Args:
-        network: its impedances.
-        v_max_pu: (buses,) highest voltage.
-    """
-    volts = v_max_pu[network.from_bus] / network.tap + v_max_pu[network.to_bus]
-    return np.asarray(volts / np.maximum(np.hypot(network.r_pu, network.x_pu), SHORT_PU))

@@ -129,6 +129,14 @@ def _likeness(network: Network, k: int) -> Hashable:
     return i, j, complex(network.ratio[k]), *shares, None if z else k
 
 
+def parallel_groups(network: Network) -> list[list[int]]:
+    """Indices of the lines between each two buses that are joined at all."""
+    groups: dict[tuple[int, int], list[int]] = {}
+    for k, ends in enumerate(zip(network.from_bus.tolist(), network.to_bus.tolist(), strict=True)):
+        groups.setdefault((min(ends), max(ends)), []).append(k)
+    return list(groups.values())
+
+
 def bridges(network: Network) -> Bools:
     """(lines,) lines whose flow the injections determine: those in no cycle of `_joint`."""
     firm = np.flatnonzero(_joint(network))

@@ -48,7 +48,7 @@ import networkx as nx
 import numpy as np
 
 from resilience.arrays import Bools, Complexes, Floats, Ints
-from resilience.models.network.graph import along_trees
+from resilience.models.network.graph import along_trees, parallel_groups
 
 if TYPE_CHECKING:
     from resilience.case import Network
@@ -60,7 +60,7 @@ LOOP_ROOM = 2.0
 """Of a line in a loop over what devices draw in all, where its circuit does not tell."""
 
 SHORT_PU = 1e-6
-"""In place of an impedance of zero, in what circulates between branches."""
+"""In place of an impedance of zero, in what circulates."""
 
 Profile = Callable[[str | None], Floats]
 
@@ -75,6 +75,7 @@ class FlowLimits:
         forth: (lines, profiles) most sent from the first bus, MVA per unit of every profile.
         back: (lines, profiles) most that arrives there, likewise.
         current: (lines, profiles) most current, pu on 1 MVA; None without losses.
+        proven: whether no plan can reach them, or whether they are audited alone.
     """
 
     profiles: tuple[str | None, ...]
@@ -82,6 +83,7 @@ class FlowLimits:
     forth: Floats
     back: Floats
     current: Floats | None = None
+    proven: bool = True
 
     def values(self, profile: Profile, nodes: int) -> Floats:
         """(profiles, nodes) of the profiles."""
@@ -160,19 +162,16 @@ def admittances(network: Network) -> tuple[Floats, Floats]:
 
 
 def circulation(network: Network, v_max_pu: Floats) -> Floats:
-    """(lines,) most current, pu, that different ratios of parallel branches drive round in them.
+    """(lines,) shorted current, pu, that different ratios of parallel branches drive round in them.
 
-    That of two is their difference in voltage over both impedances. Of more, each drives at most
+    That of two is their difference in voltage over both impedances. Of more, each drives at shorted
     that into every other, as long as resistances and reactances have one sign; where they have
     not, or the branches do not point alike, it is what a short circuit would let through.
     """
     current = np.zeros(len(network.line_names))
     z, v_max = network.r_pu + 1j * network.x_pu, v_max_pu
-    i, j = network.from_bus, network.to_bus
-    groups: dict[tuple[int, int], list[int]] = {}
-    for k, ends in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
-        groups.setdefault((min(ends), max(ends)), []).append(k)
-    for members in groups.values():
+    i, shorted = network.from_bus, short_circuit(network, v_max_pu)
+    for members in parallel_groups(network):
         if len(set(network.ratio[members].tolist())) == 1:
             continue
         alike = len(set(i[members].tolist())) == 1
@@ -181,9 +180,19 @@ def circulation(network: Network, v_max_pu: Floats) -> Floats:
                 apart = v_max[i[p]] * abs(1.0 / network.ratio[p] - 1.0 / network.ratio[k])
                 current[p] += apart / max(abs(z[p] + z[k]), SHORT_PU)
         else:
-            volts = v_max[i[members]] / network.tap[members] + v_max[j[members]]
-            current[members] = volts / np.maximum(np.abs(z[members]), SHORT_PU)
+            current[members] = shorted[members]
     return MARGIN * current
+
+
+def short_circuit(network: Network, v_max_pu: Floats) -> Floats:
+    """(lines,) the current, pu, that no line exceeds whatever the others do: both voltages over z.
+
+    Args:
+        network: its impedances.
+        v_max_pu: (buses,) highest voltage.
+    """
+    volts = v_max_pu[network.from_bus] / network.tap + v_max_pu[network.to_bus]
+    return np.asarray(volts / np.maximum(np.hypot(network.r_pu, network.x_pu), SHORT_PU))
 
 
 def with_loops(

@@ -40,7 +40,7 @@ from resilience.planning.scenarios.program import (
     scenario_program,
 )
 from resilience.planning.scenarios.unreduced import on_all_scenarios
-from resilience.planning.tables import SlotTable, copperplate_notes
+from resilience.planning.tables import SlotTable, copperplate_notes, limit_notes
 from resilience.progress import phase, stopwatch
 from resilience.simulation.simulate import simulate
 from resilience.simulation.world import World, microgrid_with_fallible_lines
@@ -190,6 +190,7 @@ def plan_in_two_stages(
             *([] if status == "optimal" else [_reason(reached, limits.gap, result.late)]),
             *([NOT_FOLLOWED] if everything is not None and unreduced is None else []),
             *copperplate_notes(case, physics),
+            *limit_notes(microgrid),
         ],
         tables=tables,
         unreduced=unreduced,
