@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from pydantic import Field, TypeAdapter
 
 from resilience.inputs import checked_path
+from resilience.planning.records import Certificate, Horizon
 from resilience.planning.tables import SlotTable, table_units
 from resilience.results import SUMMARY_FILE, ResultKind, write_readme, write_summary
 
@@ -58,6 +59,16 @@ def check_kinds(summary: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
 def read_record(record: type[Record], summary: Mapping[str, Any]) -> Record:
     """The part of a plan that is a record of a kind, from what `summary` of the plan gave."""
     return record(**{key.name: summary[key.name] for key in fields(record) if key.name in summary})
+
+
+def common_fields(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What every plan is made of, but for its numbers and tables, from its summary."""
+    names = "name", "method", "physics", "notes", "not_modelled", "seconds_by_phase"
+    return {
+        **{name: summary[name] for name in names},
+        "certificate": read_record(Certificate, summary),
+        "horizon": Horizon(summary["start"], summary["step_min"]),
+    }
 
 
 def write_plan(

@@ -19,12 +19,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from resilience.errors import UsageError
 from resilience.files import reading
 from resilience.models.program.gate import check_costs, check_energy, of_file
-from resilience.planning.files import Number, check_kinds, read_record, read_tables, write_plan
+from resilience.planning.files import Number, check_kinds, common_fields, read_tables, write_plan
 from resilience.planning.records import (
-    Certificate,
     CertifiedPlan,
     Costs,
-    Horizon,
 )
 from resilience.planning.tables import PRICE_UNITS, SlotTable, balance, table_units
 from resilience.results import PLAN, SUMMARY_FILE, replacing, steady
@@ -281,20 +279,13 @@ KINDS: dict[str, Any] = {
 def _read_plan(root: Path, summary: dict[str, Any], case: Case | None) -> Plan:
     check_kinds(summary, KINDS)
     return Plan(
-        name=summary["name"],
-        method=summary["method"],
-        physics=summary["physics"],
-        certificate=read_record(Certificate, summary),
+        **common_fields(summary),
         totals=Costs(
             objective=summary["objective"],
             operating_cost=summary["operating_cost"],
             terminal_credit=summary["terminal_credit"],
             terms=summary["costs"],
         ),
-        horizon=Horizon(summary["start"], summary["step_min"]),
-        notes=summary["notes"],
-        not_modelled=summary["not_modelled"],
-        seconds_by_phase=summary["seconds_by_phase"],
         tables=read_tables(root, {name: name for name in table_units()}),
         case=case,
         energy_mwh=summary["energy_mwh"],

@@ -12,8 +12,8 @@ from resilience.errors import UsageError
 from resilience.files import reading
 from resilience.fragility.outages.scenarios import Scenarios
 from resilience.models.program.gate import of_file
-from resilience.planning.files import Number, check_kinds, read_record, read_tables
-from resilience.planning.records import Certificate, Costs, Horizon
+from resilience.planning.files import Number, check_kinds, common_fields, read_record, read_tables
+from resilience.planning.records import Costs
 from resilience.planning.scenarios.plan import BANDS, SCENARIOS_FILE, ScenarioPlan
 from resilience.planning.scenarios.records import InformationValue, ScenarioStatistics, Unreduced
 from resilience.planning.tables import table_units
@@ -81,19 +81,12 @@ def _read_plan(root: Path, summary: dict[str, Any], case: Case, outages: Scenari
     power = pd.read_parquet(root / "recourse.parquet")
     shape = (len(episodes), len(power) // max(len(episodes), 1), power.shape[1])
     return ScenarioPlan(
-        name=summary["name"],
-        method=summary["method"],
-        physics=summary["physics"],
-        certificate=read_record(Certificate, summary),
+        **common_fields(summary),
         totals=Costs(
             objective=summary["objective"],
             operating_cost=summary["expected_operating_cost"],
             terminal_credit=summary["expected_terminal_credit"],
         ),
-        horizon=Horizon(summary["start"], summary["step_min"]),
-        notes=summary["notes"],
-        not_modelled=summary["not_modelled"],
-        seconds_by_phase=summary["seconds_by_phase"],
         tables=read_tables(root, {name: name for name in (*table_units(), "staying")}),
         case=case,
         algorithm=summary["algorithm"],
